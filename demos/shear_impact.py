@@ -43,10 +43,10 @@ print(f"peak slip rate at 30 mm: {float(slip_rate.sel(position=30e-3, method='ne
 print(f"energy not accounted for: {summary['energy_closure']:.1e} of the work")
 
 # %% [markdown]
-# Any of the standard figures can be drawn again and changed like every Matplotlib figure. Under MPI only one rank
-# should draw; `simulate` has already saved the standard set.
+# Any of the standard figures can be drawn again, into axes of yours, too, and changed like every Matplotlib figure.
+# Under MPI only one rank should draw; `simulate` has already saved the standard set.
 
 # %%
-figure = plots.space_time(record)
-figure.axes[0].set_title("Slip rate along the interface")
+axes = plots.space_time(record)
+axes.set_title("Slip rate along the interface")
 print(f"pictures: {record.path / 'figures'}")

@@ -153,7 +153,7 @@ def smooth_stress() -> Figure:
     table["output"] = {"figures": False, "interface_interval": 1e-6}
     with tempfile.TemporaryDirectory() as folder:
         record = simulate(parse_case(table), out=Path(folder, "run"))
-        return plots.snapshots(record, [17.5e-6, 20e-6])
+        return plots.snapshots(record, at=[17.5e-6, 20e-6]).figure
 
 
 def smooth_waves() -> Figure:
@@ -166,7 +166,7 @@ def smooth_waves() -> Figure:
     ]  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         record = simulate(read_case(DEMOS / "bimaterial.toml", overrides=given), out=Path(folder, "run"))
-        return plots.wavefield(record, [0.4e-6, 0.7e-6])
+        return plots.wavefield(record, at=[0.4e-6, 0.7e-6]).figure
 
 
 def smooth_sliding() -> Figure:
@@ -175,7 +175,7 @@ def smooth_sliding() -> Figure:
     _, _, after = page.partition(":caption: smooth_sliding.toml\n")
     with tempfile.TemporaryDirectory() as folder:
         record = simulate(parse_case(tomllib.loads(after.partition("```")[0])), out=Path(folder, "run"))
-        return plots.wavefield(record, [0.8e-3, 1.9e-3])
+        return plots.wavefield(record, at=[0.8e-3, 1.9e-3]).figure
 
 
 @styled
@@ -346,7 +346,7 @@ def of_run(name: str, runs: Path) -> None:
         simulate(read_case(DEMOS / f"{name}.toml", overrides=["output.figures=false"]), out=runs / name).close()
     figure, folder = ELSEWHERE.get(name, (FIGURES.get(name, ""), PICTURES))
     with Record(runs / name) as record:
-        save(plots.FIGURES[figure](record), folder / f"{name}.png", "png")
+        save(plots.FIGURES[figure](record).figure, folder / f"{name}.png", "png")
         compress(folder / f"{name}.png")
         known = json.loads(NUMBERS.read_text(encoding="utf-8")) if NUMBERS.is_file() else {}
         known[name] = {key: value for key, value in (record.summary or {}).items() if key not in LEFT_OUT}

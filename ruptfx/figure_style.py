@@ -128,12 +128,26 @@ def blank_figure(width: float, height: float) -> Figure:
 
 
 class NotebookFigure(Figure):
-    """A figure that is displayed at the end of a notebook cell, without pyplot."""
+    """A figure that is displayed at the end of a notebook cell, without pyplot; its axes show it, too."""
+
+    def add_subplot(self, *args: Any, **options: Any) -> Any:
+        """Add axes that a notebook displays; see `Figure.add_subplot`."""
+        if options.get("projection") is None and not (args and isinstance(args[0], Axes)):
+            options.pop("projection", None)
+            options.setdefault("axes_class", NotebookAxes)
+        return super().add_subplot(*args, **options)
 
     def _repr_png_(self) -> bytes:
         with BytesIO() as buffer:
             self.savefig(buffer, format="png", dpi=self.dpi)
             return buffer.getvalue()
+
+
+class NotebookAxes(Axes):
+    """Axes at the end of a notebook cell show their figure."""
+
+    def _repr_png_(self) -> bytes | None:
+        return self.figure._repr_png_() if isinstance(self.figure, NotebookFigure) else None
 
 
 def letter(axes: Iterable[Axes]) -> None:

@@ -112,7 +112,8 @@ class Files:
             The last time is not later than the first.
         """
         part = type(self)(self.path, self.trust, self._checks)
-        part.since, part.until = 0.0 if since is None else since, np.inf if until is None else until
+        part.since = self.since if since is None else max(since, self.since)
+        part.until = self.until if until is None else min(until, self.until)
         if not part.until > part.since >= 0:
             raise RecordError(f"from {part.since:g} to {part.until:g} s: give an earlier and a later time")
         part.omitted = self.omitted
@@ -304,9 +305,13 @@ class Files:
 
     @cached_property
     def events(self) -> Data:
-        if self.is_part:
-            raise MissingFileError(f"{self.path}: statistics of events are those of the whole run")
-        return self._arrays(self._existing("events.h5"), lambda name: ("event",))
+        data = self._arrays(self._existing("events.h5"), lambda name: ("event",))
+        if not self.is_part:
+            return data
+        when = data["time_of_failure"].values
+        rows = np.flatnonzero((when >= self.since) & (when <= self.until))
+        columns = {name: Column(data[name].values[rows], ("event",), dict(data[name].attrs)) for name in data}
+        return self._labelled(columns, dict(data.attrs))
 
     def _arrays(self, path: Path, axes: Callable[[str], tuple[str, ...]]) -> Any:
         """Return all arrays of a file, in memory; `axes` gives the names of the axes of an array."""

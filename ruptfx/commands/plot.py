@@ -61,16 +61,19 @@ def plot(
             if name not in plots.FIGURES:
                 raise RuptfxError(f"--figure {name}: {nearest(name, list(plots.FIGURES))}")
         first, last = seconds("--from", since), seconds("--to", until)
-        with Record(run, trust) as whole, whole.between(first, last) as record:
+        with Record(run, trust) as record:
+            times = None if first is None and last is None else (first, last)
             for name in figure or []:
-                if not plots.suits(name, record):
-                    drawn = ", ".join(each for each in plots.FIGURES if plots.suits(each, record))
+                with record.between(first, last) as part:
+                    if plots.suits(name, part):
+                        continue
+                    drawn = ", ".join(each for each in plots.FIGURES if plots.suits(each, part))
                     raise RuptfxError(f"--figure {name}: the run has no data for it; it has {drawn}")
             suffix = "".join(
                 f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
                 for word, time in (("from", first), ("to", last)) if time is not None
             )  # fmt: skip
-            for path in plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix):
+            for path in plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times):
                 screen.print(str(path))
             for omitted in dict.fromkeys(record.omitted):
                 errors.print(f"left out: {omitted}; a plug-in of the run has the law. If you trust it, add --trust",

@@ -26,7 +26,7 @@ def slip_rate(record: Record) -> Film:
         raise nothing
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
-    low, high, logarithmic = rate_range(record, rate)
+    low, high, logarithmic = rate_range(record.interface, rate)
     if not np.any(rate > low):
         raise nothing
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(time, "s")

@@ -1,26 +1,30 @@
 """Figures of a run, from its record; good enough for a paper and drawn without a display or DOLFINx.
 
-A figure is one file of this folder, found by its name. Its function of the same name draws a `Record`; its `suits`
-says which runs it is drawn for.
+A figure is one file of this folder, found by its name. Its function of the same name draws a `Record`, on a new figure
+or into given axes, and returns the axes; its `suits` says which runs it is drawn for.
 
 >>> from ruptfx import Record, plots                                                     # doctest: +SKIP
->>> plots.space_time(Record("out/impact")).savefig("space_time.pdf")                     # doctest: +SKIP
+>>> plots.space_time(Record("out/impact")).figure.savefig("space_time.pdf")              # doctest: +SKIP
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
-from ruptfx.figure_style import save
+from ruptfx.figure_style import save, style
+from ruptfx.plots._sheet import Panels, Window, figure_of, pair, remarks
 from ruptfx.record import Files, MissingFileError
 from ruptfx.schema import own_kinds, own_module
 
-Draw = Callable[..., Figure]
+__all__ = ["FIGURES", "Panels", "all_figures", "figure_of", "remarks", "save_all", "set_up", "style", "suits"]
+
+Draw = Callable[..., Axes | Panels]
 
 _FILES = {name: own_module(__name__, name) for name in own_kinds(__name__)}
 FIGURES: dict[str, Draw] = {name: getattr(file, name) for name, file in _FILES.items()}
@@ -48,14 +52,34 @@ def set_up(record: Files) -> None:
         raster_of(record)
 
 
-def all_figures(record: Files, only: Sequence[str] | None = None) -> dict[str, Figure]:
-    """Return every figure that suits the run, by name, or only the requested ones."""
-    return {name: FIGURES[name](record) for name in only or FIGURES if suits(name, record)}
+def all_figures(
+    record: Files, only: Sequence[str] | None = None, *, times: Window | None = None, **options: Any
+) -> dict[str, Figure]:
+    """Return every figure that suits the run, by name, or only the requested ones.
+
+    Parameters
+    ----------
+    record : Record or Files
+    only : sequence of str, optional
+        Names of figures; default is all. Those that do not suit the run are left out.
+    times : (float, float), optional
+        First and last time to use [s]; default is all.
+    **options
+        Other arguments of the figures, such as ``units``.
+    """
+    if times is not None:
+        with record.between(*pair("all_figures", "times", times)) as part:
+            return all_figures(part, only, **options)
+    return {name: figure_of(FIGURES[name](record, **options)) for name in only or FIGURES if suits(name, record)}
 
 
 def save_all(
-    record: Files, directory: str | Path | None = None, formats: Sequence[str] = ("png",),
-    only: Sequence[str] | None = None, suffix: str = "",
+    record: Files,
+    directory: str | Path | None = None,
+    formats: Sequence[str] = ("png",),
+    only: Sequence[str] | None = None,
+    suffix: str = "",
+    **options: Any,
 ) -> list[Path]:
     """Draw and save every figure.
 
@@ -70,6 +94,8 @@ def save_all(
         Names of figures; default is all. Those that do not suit the run are left out.
     suffix : str
         End of the file names before their types.
+    **options
+        Arguments of the figures, such as ``times``.
 
     Returns
     -------
@@ -85,7 +111,7 @@ def save_all(
     paths = []
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for name, figure in all_figures(record, only).items():
+        for name, figure in all_figures(record, only, **options).items():
             for kind in formats:
                 paths.append(target / f"{name}{suffix}.{kind}")
                 save(figure, paths[-1], kind)

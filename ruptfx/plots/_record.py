@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ruptfx import RuptfxError
 from ruptfx.analysis import OPEN, SLIDING, UNCOVERED, nucleation, slides_far
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.analysis.surface import is_surface
 from ruptfx.figure_style import Array
+from ruptfx.plots._sheet import Window, pair
 from ruptfx.record import Data, Files
+from ruptfx.schema import nearest as nearest_name
 
+DIRECTED = ("slip", "slip_rate", "displacement_jump", "shear_traction")  # along the interface
 STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # one line style per body
 
 
@@ -70,6 +75,70 @@ def along(record: Files, size: float, unit: str) -> str:
         start = ", ".join(f"{value / size:.4g}" for value in attrs["origin"])
         return f"Arc length from ({start}) ({unit})"
     return f"Position along the interface ({unit})"
+
+
+def at_positions(data: Data, x: Window | None, title: str) -> Data:
+    """Return the data of an interface between two positions, both included; all of them without a window.
+
+    Raises
+    ------
+    RuptfxError
+        No point of the interface lies there.
+    """
+    if x is None:
+        return data
+    position = data["position"].values
+    low, high = pair(title, "x", x)
+    room = 1e-9 * float(np.ptp(position))
+    rows = np.flatnonzero(
+        (position >= (-np.inf if low is None else low - room)) & (position <= (np.inf if high is None else high + room))
+    )
+    if len(rows) < 2:
+        raise RuptfxError(
+            f"plots.{title}: x = ({low}, {high}) has no two points of the interface, which runs from "
+            f"{position.min():g} to {position.max():g} m"
+        )
+    cut: Data = data.isel(position=rows)  # type: ignore[attr-defined]
+    return cut
+
+
+def histories(data: Data) -> list[str]:
+    """Return the fields of an interface that have a value at every time and position."""
+    shape = len(data["time"].values), len(data["position"].values)
+    return [name for name in map(str, data) if np.shape(data[name]) == shape]
+
+
+class Quantity(NamedTuple):
+    """Field of an interface in a figure: label, and unit of its numbers."""
+
+    label: str
+    unit: str
+
+
+def quantity(data: Data, name: str, title: str) -> Quantity:
+    """Return label and unit of a field of an interface.
+
+    Raises
+    ------
+    RuptfxError
+        There is no such field with histories.
+    """
+    known = histories(data)
+    if name not in known:
+        raise RuptfxError(f"plots.{title}: field = '{name}': {nearest_name(name, known)}")
+    found = data[name].attrs
+    label = str(found.get("long_name", name)).replace("_", " ")
+    return Quantity(label[:1].upper() + label[1:], str(found.get("units", "1")))
+
+
+def signed(record: Files, name: str) -> float:
+    """Return the sign of a field in figures: those along the interface are positive in the direction of the slip."""
+    return direction(record) if name in DIRECTED else 1.0
+
+
+def chosen(saved: Array, at: float | Sequence[float] | None, default: Array) -> Array:
+    """Return the rows of the saved times nearest to the wanted ones, or the default rows."""
+    return default if at is None else nearest(saved, np.atleast_1d(np.asarray(at, dtype=float)))
 
 
 def sliding(data: Data, time: float) -> Array:
@@ -167,9 +236,9 @@ def nearest(saved: Array, wanted: Array) -> Array:
     return np.abs(np.asarray(saved)[None, :] - np.atleast_1d(wanted)[:, None]).argmin(axis=1)
 
 
-def rate_range(record: Files, rate: Array) -> tuple[float, float, bool]:
+def rate_range(data: Data, rate: Array) -> tuple[float, float, bool]:
     """Return sliding threshold, 99.9 % quantile of the slip rate, and whether to use a logarithmic scale."""
-    low = LEVEL * (record.interface.attrs.get("V_imp") or rate.max())
+    low = LEVEL * (data.attrs.get("V_imp") or rate.max())
     sliding = rate[rate > low]
     middle, high = np.quantile(sliding, [0.5, 0.999]) if len(sliding) else (low, rate.max())
     return float(low), float(high), bool(high > 10 * middle)

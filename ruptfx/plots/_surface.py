@@ -13,12 +13,18 @@ from matplotlib.tri import Triangulation
 
 from ruptfx.analysis.surface import grid
 from ruptfx.figure_style import Array, scale
+from ruptfx.plots._sheet import Window, pair
 from ruptfx.record import Data
 
+Lengths = tuple[float, str]
+"""Size and name of the unit of lengths."""
 
-def draw(ax: Axes, data: Data, values: Array, norm: Normalize, colours: Colormap) -> QuadMesh | TriMesh:
+
+def draw(
+    ax: Axes, data: Data, values: Array, norm: Normalize, colours: Colormap, lengths: Lengths | None = None
+) -> QuadMesh | TriMesh:
     """Draw values at the points of a surface as colours."""
-    size, _ = axis_scale(data)
+    size, _ = lengths or axis_scale(data)
     strike, dip = data["position"].values / size, data["dip"].values / size
     positions = grid(data)
     drawn: QuadMesh | TriMesh
@@ -34,10 +40,10 @@ def draw(ax: Axes, data: Data, values: Array, norm: Normalize, colours: Colormap
 
 def contours(
     ax: Axes, data: Data, times: Array, levels: Array, colour: str = "#1a1a1a", style: str = "solid",
-    labels: bool = True,
+    labels: bool = True, lengths: Lengths | None = None,
 ) -> None:  # fmt: skip
     """Draw contours of times at the points of a surface, every other one with a label; none where they are NaN."""
-    size, _ = axis_scale(data)
+    size, _ = lengths or axis_scale(data)
     positions = grid(data)
     lines: ContourSet
     look: dict[str, Any] = {"colors": colour, "linewidths": 0.6, "linestyles": style}
@@ -54,17 +60,28 @@ def contours(
 
 def axis_scale(data: Data) -> tuple[float, str]:
     """Return size and unit of lengths on a surface."""
-    return scale(max(np.ptp(data["position"].values), np.ptp(data["dip"].values)), "m")
+    return scale(extent(data), "m")
 
 
-def axis_names(data: Data) -> tuple[str, str]:
+def extent(data: Data) -> float:
+    """Return the larger extent of a surface [m]."""
+    return float(max(np.ptp(data["position"].values), np.ptp(data["dip"].values)))
+
+
+def window(ax: Axes, x: Window | None, lengths: Lengths, title: str) -> None:
+    """Limit a map to positions along strike."""
+    if x is not None:
+        ax.set_xlim(*(None if end is None else end / lengths[0] for end in pair(title, "x", x)))
+
+
+def axis_names(data: Data, lengths: Lengths | None = None) -> tuple[str, str]:
     """Return the labels of both axes of a map."""
-    _, unit = axis_scale(data)
+    _, unit = lengths or axis_scale(data)
     name = "x" if data.attrs.get("position_measure") == "x" else "Along strike"
     return f"{name} ({unit})", f"Down dip ({unit})"
 
 
-def label(ax: Axes, data: Data, left: bool = True, below: bool = True) -> None:
+def label(ax: Axes, data: Data, left: bool = True, below: bool = True, lengths: Lengths | None = None) -> None:
     """Label the axes of a map."""
-    along, down = axis_names(data)
+    along, down = axis_names(data, lengths)
     ax.set(xlabel=along if below else "", ylabel=down if left else "")

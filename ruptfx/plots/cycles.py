@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from ruptfx.figure_style import GUIDE, RATE_MAP, Array, edges, letter, new_figure, remark, scale, styled
-from ruptfx.plots._record import along, direction, guides, has_slip_rates, is_uneven, not_resolved, turned, whose_speeds
-from ruptfx.record import Files
+from ruptfx.figure_style import GUIDE, RATE_MAP, Array, edges
+from ruptfx.plots._record import (
+    along,
+    at_positions,
+    direction,
+    guides,
+    has_slip_rates,
+    is_uneven,
+    not_resolved,
+    turned,
+    whose_speeds,
+)
+from ruptfx.plots._sheet import Sheet, Window, figure
+from ruptfx.record import Data, Files
 
+PANELS = ("force", "peak_slip_rate", "slip_rate", "largest_rupture")
 SLOWEST = 1e-10  # m/s
 
 
@@ -35,50 +48,65 @@ def ruptures(record: Files) -> list[tuple[int, int]]:
     return [(int(fast[i]), int(fast[j])) for i, j in zip(firsts, lasts, strict=True) if j > i]
 
 
-@styled
-def cycles(record: Files) -> Figure:
+@figure
+def cycles(sheet: Sheet, record: Files, *, x: Window | None = None, field: str | Sequence[str] | None = None) -> None:
     """Draw shear force, peak slip rate, slip rate along the interface in all phases, and the largest rupture.
 
-    In (c) time is stretched where records are dense, so that every phase is visible.
+    The vertical axis of the slip rate has the same height for every record, so that every phase is visible. The panel
+    of the largest rupture is left out where nothing ruptures, and panels of slip rates where nothing slides.
+
+    Parameters
+    ----------
+    x
+        First and last position [m] of the panels with a slip rate; the force is that of the whole interface.
+    field
+        Panels: "force", "peak_slip_rate", "slip_rate", "largest_rupture". Default: all.
     """
-    data = record.interface
+    data = at_positions(record.interface, x, sheet.name)
     position, time = data["position"].values, data["time"].values
     rate = np.abs(data["slip_rate"].values)
-    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(time, "s")
-    figure, axes = new_figure(2, 2, 5.6)
-    force = direction(record) * np.trapezoid(data["shear_traction"].values, position, axis=1)
-    f_size, f_unit = scale(force, "Pa")  # newton per metre, with the same prefixes
-    across = "circumference" if record.case.get("plane") == "axisymmetric" else "thickness"
-    axes[0, 0].plot(time / t_size, force / f_size, color="#1a1a1a", lw=0.8)
-    axes[0, 0].set(xlabel=f"Time ({t_unit})", ylabel=f"Shear force per {across} ({f_unit.replace('Pa', 'N/m')})")
-    peak = rate.max(axis=1)
-    axes[0, 1].semilogy(time / t_size, np.where(peak > 0, peak, np.nan), color="#c1440e", lw=0.8)
-    if peak.min() < SLOWEST < peak.max():
-        axes[0, 1].set_ylim(bottom=SLOWEST)
-    axes[0, 1].set(xlabel=f"Time ({t_unit})", ylabel="Peak slip rate (m/s)")
-    for ax in axes[0]:
-        ax.set_xlim(time[0] / t_size, time[-1] / t_size)
-    high = float(rate.max(initial=0.0))
+    high, found = float(rate.max(initial=0.0)), ruptures(record)
+    filled = PANELS if found else PANELS[:-1]
+    wanted = sheet.choose(field, filled if high > SLOWEST else ("force",))
+    rows, columns = -(-len(wanted) // 2), min(len(wanted), 2)
+    axes = sheet.panels(rows, columns, 2.8 * rows).ravel()
+    for ax in axes[len(wanted) :]:
+        ax.set_visible(False)
+    panels = dict(zip(wanted, axes, strict=False))
+    (x_size, x_unit), (t_size, t_unit) = sheet.scale("x", np.ptp(position), "m"), sheet.scale("time", time, "s")
+    if "force" in panels:
+        whole = record.interface
+        force = direction(record) * np.trapezoid(whole["shear_traction"].values, whole["position"].values, axis=1)
+        f_size, f_unit = sheet.scale("force", force, "N/m")
+        across = "circumference" if record.case.get("plane") == "axisymmetric" else "thickness"
+        panels["force"].plot(time / t_size, force / f_size, color="#1a1a1a", lw=0.8)
+        panels["force"].set_ylabel(f"Shear force per {across} ({f_unit})")
+    if "peak_slip_rate" in panels:
+        peak = rate.max(axis=1)
+        panels["peak_slip_rate"].semilogy(time / t_size, np.where(peak > 0, peak, np.nan), color="#c1440e", lw=0.8)
+        if peak.min() < SLOWEST < peak.max():
+            panels["peak_slip_rate"].set_ylim(bottom=SLOWEST)
+        panels["peak_slip_rate"].set_ylabel("Peak slip rate (m/s)")
+    for name in panels.keys() & {"force", "peak_slip_rate"}:
+        panels[name].set(xlim=(time[0] / t_size, time[-1] / t_size), xlabel=f"Time ({t_unit})")
+    sheet.letter(panels.values())
     if high <= SLOWEST:
-        for ax in axes[1]:
-            ax.set_visible(False)
-        remark(figure, "No sliding.")
-        letter(axes[0])
-        return figure
-    norm, found = LogNorm(max(SLOWEST, 1e-10 * high), high), ruptures(record)
-    places, times = edges(position) / x_size, edges(time) / t_size
-    mesh = axes[1, 0].pcolormesh(places, times, np.maximum(rate, norm.vmin or 0), norm=norm, cmap=RATE_MAP,
-                                 rasterized=True)  # fmt: skip
-    _stretch(axes[1, 0], times, [first for first, _ in found])
-    axes[1, 0].set(xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit}), stretched")
-    figure.colorbar(mesh, ax=axes[1, 0], label="Magnitude of slip rate (m/s)", extend="min", pad=0.04)
-    if found:
-        _largest(axes[1, 1], record, found, position / x_size, x_unit, x_size)
-    axes[1, 1].set_visible(bool(found))
-    dense = "Time in (c) is stretched where records are dense."
-    remark(figure, dense, turned(record), whose_speeds(record) if found else "", not_resolved(record))
-    letter(ax for ax in axes.ravel() if ax.get_visible())
-    return figure
+        sheet.remark("No sliding.")
+        return
+    dense = ""
+    if "slip_rate" in panels:
+        ax, norm = panels["slip_rate"], LogNorm(max(SLOWEST, 1e-10 * high), high)
+        places, times = edges(position) / x_size, edges(time) / t_size
+        mesh = ax.pcolormesh(places, times, np.maximum(rate, norm.vmin or 0), norm=norm, cmap=RATE_MAP, rasterized=True)
+        _stretch(ax, times, [first for first, _ in found])
+        ax.set(xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit}), by record")
+        sheet.figure.colorbar(mesh, ax=ax, label="Magnitude of slip rate (m/s)", extend="min", pad=0.04)
+        where = f" in ({chr(97 + wanted.index('slip_rate'))})" if len(wanted) > 1 else ""
+        dense = f"Every record has the same height{where}."
+    if "largest_rupture" in panels:
+        _largest(sheet, panels["largest_rupture"], record, found, data, x_unit, x_size)
+    speeds = whose_speeds(record) if "largest_rupture" in panels else ""
+    sheet.remark(dense, turned(record), speeds, not_resolved(record))
 
 
 def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
@@ -97,11 +125,10 @@ def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
 
 
 def _largest(
-    ax: Axes, record: Files, found: list[tuple[int, int]], position: Array, x_unit: str, x_size: float
+    sheet: Sheet, ax: Axes, record: Files, found: list[tuple[int, int]], data: Data, x_unit: str, x_size: float
 ) -> None:
     """Draw the rupture with the most slip against the time since its start, with lines at the wave speeds."""
-    data = record.interface
-    slip = data["slip"].values
+    position, slip = data["position"].values / x_size, data["slip"].values
     first, last = max(found, key=lambda rows: float(np.abs(slip[rows[1]] - slip[rows[0]]).mean()))
     threshold = data.attrs.get("rupture_threshold", 1e-3)
     rate, time = np.abs(data["slip_rate"].values[first : last + 1]), data["time"].values[first : last + 1]
@@ -113,11 +140,11 @@ def _largest(
     shown = (time >= began - around) & (time <= crossed + around)
     rate, start = rate[shown], time[shown][0]
     time = time[shown] - start
-    size, unit = scale(time, "s")
+    size, unit = sheet.scale("rupture_time", time, "s")
     mesh = ax.pcolormesh(edges(position), edges(time) / size, np.maximum(rate, threshold), cmap=RATE_MAP,
                          norm=LogNorm(threshold, max(rate.max(), 2 * threshold)), rasterized=True)  # fmt: skip
-    ax.figure.colorbar(mesh, ax=ax, label="Magnitude of slip rate (m/s)", extend="min", pad=0.03)
-    from_size, from_unit = scale(start, "s")
+    sheet.figure.colorbar(mesh, ax=ax, label="Magnitude of slip rate (m/s)", extend="min", pad=0.03)
+    from_size, from_unit = sheet.scale("time", start, "s")
     since = f"Time since {start / from_size:.5g} {from_unit} ({unit})"
     ax.set(xlabel=along(record, x_size, x_unit), ylabel=since, ylim=(0, max(time[-1], 1e-300) / size))
     width, low = np.ptp(position), 0.04 * time[-1] / size

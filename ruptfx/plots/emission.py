@@ -2,54 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
 from ruptfx.analysis.compression import MODES, Emission, emission_of, events_that_count, loading
 from ruptfx.analysis.emission import FractalDimension, rose
-from ruptfx.figure_style import MUTED, WIDTH, blank_figure, letter, note, remark, scale, styled
+from ruptfx.figure_style import MUTED, WIDTH, note, scale
 from ruptfx.plots._catalogue import pairs, rates, sizes
+from ruptfx.plots._sheet import Sheet, figure_of_whole_run
 from ruptfx.plots.cracks import COLOURS
 from ruptfx.record import Files
 
+PANELS = ("load", "map", "magnitudes", "distances", "rose", "rates")
+ROWS = (
+    *[("load", "map")] * 2, *[("magnitudes", "map")] * 2, ("distances", "map"), ("distances", "rose"),
+    *[("rates", "rose")] * 2,
+)  # fmt: skip
 LEAST = 50  # events: the minimum for statistics
 LARGEST_MARK = 40.0  # points^2
 
 
 def suits(record: Files) -> bool:
     """Return whether enough facets of the run failed and radiated for statistics."""
-    return (record.path / "events.h5").is_file() and events_that_count(record) > LEAST
+    return not record.is_part and (record.path / "events.h5").is_file() and events_that_count(record) > LEAST
 
 
-@styled
-def emission(record: Files, found: Emission | None = None) -> Figure:
+@figure_of_whole_run
+def emission(
+    sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None, found: Emission | None = None
+) -> None:
     """Draw stress and events, their positions, magnitudes, distances, rates and directions; no empty panel.
+
+    Statistics are those of the whole run. The rose needs polar axes.
 
     Parameters
     ----------
-    record : Record or Files
+    field
+        Panels: "load", "map", "magnitudes", "distances", "rose", "rates". Default: all that have data.
     found : Emission, optional
         Statistics with other limits than the default.
     """
     found = emission_of(record) if found is None else found
-    figure = blank_figure(WIDTH, 8.6)
-    # Left, one above the other: load, sizes, distances, times; right: the map and the rose.
-    axes = figure.subplot_mosaic("lm;lm;sm;sm;dm;dr;tr;tr", per_subplot_kw={"r": {"projection": "polar"}})
-    _load(axes["l"], record, found)
-    _map(axes["m"], record, found)
-    _magnitudes(axes["s"], found)
-    pairs(axes["d"], found.of_events.D)
-    rates(axes["t"], found.seismic, found.of_events.p, found.failure_time)
-    _rose(axes["r"], found)
-    shown = {"s": len(found.linked) > 0, "d": isinstance(found.of_events.D, FractalDimension),
-             "t": len(found.seismic) > 0, "r": bool(found.before.any())}  # fmt: skip
-    for name, full in shown.items():
-        axes[name].set_visible(full)
-    letter(axes[name] for name in "lmsdrt" if axes[name].get_visible())
-    remark(figure, *_remarks(found))
-    return figure
+    empty = {"magnitudes": not len(found.linked), "distances": not isinstance(found.of_events.D, FractalDimension),
+             "rates": not len(found.seismic), "rose": not found.before.any()}  # fmt: skip
+    wanted = sheet.choose(field, [name for name in PANELS if not empty.get(name)])
+    polar = {"rose": {"projection": "polar"}}
+    if len(wanted) == 1:
+        alone = {name: options for name, options in polar.items() if name in wanted}
+        axes = sheet.mosaic(wanted, [wanted], WIDTH / 2, 2.8, per_subplot_kw=alone)
+    else:  # left, one above the other: load, sizes, distances, times; right: the map and the rose
+        axes = sheet.mosaic(list(PANELS), [[*each] for each in ROWS], WIDTH, 8.6, per_subplot_kw=polar)
+        for name in set(PANELS) - set(wanted):
+            axes.pop(name).set_visible(False)
+    draws: dict[str, Callable[[Axes], None]] = {
+        "load": lambda ax: _load(sheet, ax, record, found), "map": lambda ax: _map(sheet, ax, record, found),
+        "magnitudes": lambda ax: _magnitudes(ax, found), "distances": lambda ax: pairs(ax, found.of_events.D),
+        "rates": lambda ax: rates(ax, found.seismic, found.of_events.p, found.failure_time),
+        "rose": lambda ax: _rose(ax, found),
+    }  # fmt: skip
+    for name in wanted:
+        draws[name](axes[name])
+    sheet.letter([axes[name] for name in wanted])
+    sheet.remark(*_remarks(found))
 
 
 def _remarks(found: Emission) -> list[str]:
@@ -80,17 +97,17 @@ def _magnitudes(ax: Axes, found: Emission) -> None:
     ax.legend(loc="lower left", fontsize=6)
 
 
-def _load(ax: Axes, record: Files, found: Emission) -> None:
+def _load(sheet: Sheet, ax: Axes, record: Files, found: Emission) -> None:
     """Draw stress against strain, or time, and the number of events."""
     pressed = loading(record)
     count = np.arange(1, len(found.events) + 1)
     failed = np.asarray(record.events["time_of_failure"].values)
     if pressed is None:
-        size, unit = scale(failed, "s")
+        size, unit = sheet.scale("time", failed, "s")
         ax.plot(failed / size, count, color=COLOURS["tensile"], lw=1)
         ax.set(xlabel=f"Time ({unit})", ylabel="Number of failures")
         return
-    size, unit = scale(pressed.stress, "Pa")
+    size, unit = sheet.scale("stress", pressed.stress, "Pa")
     pulled = pressed.stress.max() < -pressed.stress.min()
     sign = -1.0 if pulled else 1.0
     strain, stress = 100 * sign * pressed.strain, sign * pressed.stress / size
@@ -106,11 +123,11 @@ def _load(ax: Axes, record: Files, found: Emission) -> None:
     right.tick_params(axis="y", colors=COLOURS["shear"])
 
 
-def _map(ax: Axes, record: Files, found: Emission) -> None:
+def _map(sheet: Sheet, ax: Axes, record: Files, found: Emission) -> None:
     """Draw events before the failure by mode; all facets that failed until the end are grey."""
     data = record.cracks
     lines = data["points"].values[data["lines"].values]
-    (size, unit) = scale(np.ptp(lines.reshape(-1, 2), axis=0), "m")
+    size, unit = sheet.scale("x", np.ptp(lines.reshape(-1, 2), axis=0), "m")
     if data.sizes["time"]:
         failed = data["status"].values[-1] == 2
         ax.add_collection(LineCollection(list(lines[failed] / size), colors="#c8c8c8", linewidths=0.5))

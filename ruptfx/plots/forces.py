@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from ruptfx.analysis.force_drops import averaged, drops, knees
-from ruptfx.figure_style import empty_figure, letter, new_figure, note, remark, scale, styled
+from ruptfx.figure_style import scale
+from ruptfx.plots._sheet import Sheet, figure
 from ruptfx.plots._states import COLOURS, explain
 from ruptfx.record import Files
 
+PANELS = ("forces", "states")
 DROP, BEND = 0.05, 0.01  # of the normal force: smallest drop, and tolerance of the polyline
 MOST = 30  # largest number of drops that are drawn
 
@@ -19,62 +23,71 @@ def suits(record: Files) -> bool:
     return any(record.path.glob("forces*.csv"))
 
 
-@styled
-def forces(record: Files, window: float | None = None) -> Figure:
+@figure
+def forces(
+    sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None, window: float | None = None
+) -> None:
     """Draw normal and shear force against time with drops and knees, and the fractions of the contact states.
+
+    A drop is a fall of the shear force by more than 5 % of the median normal force. Knees are the corners of the
+    polyline that follows the shear force within 1 % of that.
 
     Parameters
     ----------
-    record : Record or Files
+    field
+        Panels: "forces", "states". Default: both.
     window : float, optional
         Averaging time of forces before drops are detected [s]. Default: 1/200 of the run.
     """
     table = record.forces
     time = table["time"].values
     if len(time) < 2:
-        return empty_figure("fewer than two times were saved", "Time (s)", "Force (N/m)")
+        sheet.empty("fewer than two times were saved", "Time (s)", "Force (N/m)")
+        return
+    wanted = sheet.choose(field, PANELS)
+    ratios = [{"forces": 1.5, "states": 1}[name] for name in wanted]
+    axes = sheet.panels(len(wanted), 1, 1.0 + 1.6 * len(wanted), sharex=True, height_ratios=ratios)[:, 0]
+    panels = dict(zip(wanted, axes, strict=True))
+    t_size, t_unit = sheet.scale("time", time, "s")
     window = (time[-1] - time[0]) / 200 if window is None else window
-    normal, shear = (table[name].values for name in ("normal_force", "shear_force"))
-    (t_size, t_unit), (f_size, f_unit) = scale(time, "s"), scale(np.array([normal, shear]), "N/m")
-    figure, axes = new_figure(2, 1, 4.2, sharex=True, height_ratios=[1.5, 1])
-    above, below = axes[:, 0]
+    told = _forces(sheet, panels["forces"], record, window, t_size) if "forces" in panels else ()
+    if "states" in panels:
+        below = panels["states"]
+        below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
+        below.set(ylabel="Fraction of the length", ylim=(0, 1))
+        explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axes[-1].set(xlabel=f"Time ({t_unit})", xlim=(time[0] / t_size, time[-1] / t_size))
+    sheet.letter(axes)
+    sheet.remark(*told)
+
+
+def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float) -> tuple[str, ...]:
+    """Draw the forces, drops and knees; return the remarks."""
+    table = record.forces
+    time, normal, shear = (table[name].values for name in ("time", "normal_force", "shear_force"))
+    f_size, f_unit = sheet.scale("force", np.array([normal, shear]), "N/m")
     mean = averaged(time, shear, window)
-    turned = -1.0 if mean[np.argmax(np.abs(mean))] < 0 else 1.0
+    sign = -1.0 if mean[np.argmax(np.abs(mean))] < 0 else 1.0
     typical = float(np.median(normal))
-    above.plot(time / t_size, normal / f_size, color="#3a7d44", lw=0.6, label="normal force")
-    above.plot(time / t_size, shear / f_size, color="#bbbbbb", lw=0.6)
-    above.plot(time / t_size, mean / f_size, color="#1a1a1a", label="shear force")
-    found = drops(time, turned * mean, DROP * typical) if typical > 0 else []
-    bends = knees(time, turned * mean, found, BEND * typical) if typical > 0 else []
-    bends = [bend for bend in bends if turned * np.interp(bend.time, time, mean) > DROP * typical]
-    for number, drop in enumerate(found if len(found) <= MOST else []):
-        above.axvspan(drop.start / t_size, drop.end / t_size, color="#e07b39", alpha=0.3, lw=0,
-                      label="drops" if number == 0 else None)  # fmt: skip
+    ax.plot(time / t_size, normal / f_size, color="#3a7d44", lw=0.6, label="normal force")
+    ax.plot(time / t_size, shear / f_size, color="#bbbbbb", lw=0.6)
+    ax.plot(time / t_size, mean / f_size, color="#1a1a1a", label="shear force")
+    found = drops(time, sign * mean, DROP * typical) if typical > 0 else []
+    bends = knees(time, sign * mean, found, BEND * typical) if typical > 0 else []
+    bends = [bend for bend in bends if sign * np.interp(bend.time, time, mean) > DROP * typical]
     too_many = len(found) > MOST
-    if too_many:
-        bends = []
-    at = np.array([bend.time for bend in bends])
+    for number, drop in enumerate([] if too_many else found):
+        ax.axvspan(drop.start / t_size, drop.end / t_size, color="#e07b39", alpha=0.3, lw=0,
+                   label="drops" if number == 0 else None)  # fmt: skip
+    at = np.array([] if too_many else [bend.time for bend in bends])
     if len(at):
-        above.plot(at / t_size, np.interp(at, time, mean) / f_size, "o", mfc="white", color="#b5382a", label="knees")
-    else:
-        note(above, "" if len(found) else "no drops, no knees")
-    above.set_ylabel(f"Force per thickness ({f_unit})")
-    above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
-    below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
-    below.set(xlabel=f"Time ({t_unit})", ylabel="Fraction of the length", ylim=(0, 1))
-    below.set_xlim(time[0] / t_size, time[-1] / t_size)
-    explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    letter(axes.ravel())
+        ax.plot(at / t_size, np.interp(at, time, mean) / f_size, "o", mfc="white", color="#b5382a", label="knees")
+    ax.set_ylabel(f"Force per thickness ({f_unit})")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
     size, unit = scale(window, "s")
-    falls = f"falls by more than {100 * DROP:.0f} % of the median normal force"
-    told = f"Drops: {falls}, until it rises by a fifth of that; knees: bends of a broken line that follows within " \
-           f"{100 * BEND:.0f} % of it."
-    if too_many:
-        told = f"{len(found)} {falls} are too many to be marked: the bodies bounce, or what slides chatters."
-    elif not found and not bends:
-        told = ""
-    remark(
-        figure, f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}.",
-        told,
+    limit = f"{100 * DROP:.0f} % of the median normal force"
+    return (
+        f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}.",
+        f"{len(found)} drops by more than {limit} are too many to be marked." if too_many
+        else f"Drops are larger than {limit}." if found else "",
     )  # fmt: skip
-    return figure

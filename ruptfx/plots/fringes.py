@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from ruptfx import RuptfxError
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
 from ruptfx.analysis.polariscope import is_plate
 from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import Array, remark, scale, styled
-from ruptfx.plots._panels import panels, without
+from ruptfx.figure_style import Array, scale
+from ruptfx.plots._panels import panels
 from ruptfx.plots._record import has_pictures
+from ruptfx.plots._sheet import Sheet, Window, figure
 from ruptfx.record import Files
+from ruptfx.schema import nearest
 
+FIELDS = ("dark", "light")
 MOST_FRINGES = 60  # the pixels of a figure resolve no more
 
 
@@ -83,14 +86,17 @@ def suits(record: Files) -> bool:
     return has_pictures(record, "fringe") and 0 < most_fringes(record) < MOST_FRINGES
 
 
-@styled
+@figure
 def fringes(
+    sheet: Sheet,
     record: Files,
-    time: float | Sequence[float] | None = None,
+    *,
+    at: float | Sequence[float] | None = None,
+    x: Window | None = None,
+    field: str = "dark",
     fringe_constant: float | None = None,
     thickness: float | None = None,
-    field: str = "dark",
-) -> Figure:
+) -> None:
     """Draw isochromatic fringes as seen in a polariscope, with the interface.
 
     Bodies whose material has no fringe constant are left blank; without a constant or the thickness of the plates the
@@ -98,24 +104,26 @@ def fringes(
 
     Parameters
     ----------
-    record : Record or Files
-    time : float or sequence of float, optional
+    at
         Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
-    fringe_constant, thickness : float, optional
-        Constant of all bodies [N/m], thickness of the plates [m]. Default: `fringe_constant` of the materials and
-        `output.plate_thickness` of the case.
     field : str
         "dark" or "light" field of the polariscope.
+    fringe_constant : float, optional
+        Constant of all bodies [N/m]. Default: `fringe_constant` of the materials.
+    thickness : float, optional
+        Thickness of the plates [m]. Default: `output.plate_thickness` of the case.
     """
+    if field not in FIELDS:
+        raise RuptfxError(f"plots.fringes: field = '{field}': {nearest(str(field), list(FIELDS))}")
     plates = Plates(record, fringe_constant, thickness)
     if plates.missing:
-        return without(plates.missing)
+        sheet.empty(plates.missing)
+        return
 
     def light(row: int, raster: Raster) -> Array:
         return intensity(raster(plates.order(row)), field)
 
     label = f"{field.capitalize()}-field intensity; {plates.per_fringe()}"
-    figure = panels(record, time, light, label, "#d9480f", cmap="gray", vmin=0, vmax=1)
+    panels(sheet, record, at, x, light, label, "#d9480f", cmap="gray", vmin=0, vmax=1)
     stress = str(record.bulk.attrs.get("initial_stress", ""))
-    remark(figure, f"Initial stress {stress}." if stress.startswith("assumed") else "")
-    return figure
+    sheet.remark(f"Initial stress {stress}." if stress.startswith("assumed") else "")

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from ruptfx.analysis.front import local_speed
-from ruptfx.figure_style import GUIDE, Array, letter, new_figure, note, remark, scale, styled
-from ruptfx.plots._record import along, end_time, guides, has_front, is_uneven, not_resolved, whose_speeds
-from ruptfx.record import Files
+from ruptfx.figure_style import GUIDE, Array, note
+from ruptfx.plots._record import (
+    along,
+    at_positions,
+    end_time,
+    guides,
+    has_front,
+    is_uneven,
+    not_resolved,
+    whose_speeds,
+)
+from ruptfx.plots._sheet import Sheet, Window, figure
+from ruptfx.record import Data, Files
 
+PANELS = ("rupture_time", "rupture_speed")
 SLOW = 0.02  # of the slowest wave speed: slower fronts are drawn without wave speeds
 ROOM = 0.07  # height of a label over that of a panel
 
@@ -19,25 +32,52 @@ def suits(record: Files) -> bool:
     return has_front(record) and not is_uneven(record)
 
 
-@styled
-def front(record: Files) -> Figure:
+@figure
+def front(sheet: Sheet, record: Files, *, x: Window | None = None, field: str | Sequence[str] | None = None) -> None:
     """Draw the arrival of the rupture and its local speed along the interface, with the wave speeds.
 
     The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface, or of five
     points where that is more; a window with fronts in both directions, as around an inner origin, has none. A panel
     without a speed states why. Fronts far slower than waves are drawn without wave speeds.
+
+    Parameters
+    ----------
+    field
+        Panels: "rupture_time", "rupture_speed". Default: both.
     """
-    data = record.interface
-    position, arrival = data["position"].values, data["rupture_time"].values
-    arrival = np.where((arrival >= record.since) & (arrival <= record.until), arrival, np.nan)
-    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(end_time(record), "s")
-    figure, (axes,) = new_figure(1, 2, 2.6, sharex=True)
-    axes[0].plot(position / x_size, arrival / t_size, ".-", ms=2, color="#1a1a1a")  # a point may stand alone
-    axes[0].set(xlabel=along(record, x_size, x_unit), ylabel=f"Rupture time ({t_unit})")
-    axes[0].set_xlim(position[0] / x_size, position[-1] / x_size)
+    whole = record.interface
+    data = at_positions(whole, x, sheet.name)
+    position, arrival = data["position"].values, _arrival(record, data)
+    wanted = sheet.choose(field, PANELS)
+    panels = dict(zip(wanted, sheet.panels(1, len(wanted), 2.6, sharex=True)[0], strict=True))
+    x_size, x_unit = sheet.scale("x", np.ptp(position), "m")
+    for ax in panels.values():
+        ax.set(xlabel=along(record, x_size, x_unit), xlim=(position[0] / x_size, position[-1] / x_size))
+    if "rupture_time" in panels:
+        ax = panels["rupture_time"]
+        t_size, t_unit = sheet.scale("time", end_time(record), "s")
+        ax.plot(position / x_size, arrival / t_size, ".-", ms=2, color="#1a1a1a")  # a point may stand alone
+        ax.set_ylabel(f"Rupture time ({t_unit})")
+        if not np.isfinite(arrival).any():
+            note(ax, "no sliding")
+    marked = "rupture_speed" in panels and _speed(sheet, panels["rupture_speed"], record, data, x_size)
+    sheet.letter(panels.values())
+    sheet.remark(whose_speeds(record) if marked else "", not_resolved(record))
+
+
+def _arrival(record: Files, data: Data) -> Array:
+    """Return the rupture times within the times of the record [s]; NaN elsewhere."""
+    arrival = data["rupture_time"].values
+    return np.where((arrival >= record.since) & (arrival <= record.until), arrival, np.nan)
+
+
+def _speed(sheet: Sheet, ax: Axes, record: Files, data: Data, x_size: float) -> bool:
+    """Draw the local speed of the front; return whether wave speeds are drawn."""
+    everywhere = record.interface["position"].values
+    position, arrival = data["position"].values, _arrival(record, data)
     speeds = guides(record)
     fastest = max((guide.speed for guide in speeds), default=1.0)
-    window = max(0.05 * np.ptp(position), 5 * float(np.median(np.diff(position))))
+    window = max(0.05 * np.ptp(everywhere), 5 * float(np.median(np.diff(everywhere))))
     local = np.abs(local_speed(position, arrival, window))
     local[_both_ways(position, arrival, window)] = np.nan
     together = local > 3 * fastest
@@ -47,23 +87,30 @@ def front(record: Files) -> Figure:
     if typical < SLOW * min((guide.speed for guide in speeds), default=0.0):
         speeds = []
     top = 1.35 * max([typical, *(guide.speed for guide in speeds)]) or 1.0
-    size, unit = (1e3, "km/s") if top > 1200 else scale(top, "m/s")
-    axes[1].plot(position / x_size, local / size, ".-", ms=2, color="#1a1a1a")
-    axes[1].set(xlabel=along(record, x_size, x_unit), ylabel=f"Rupture speed ({unit})", ylim=(0, top / size))
+    size, unit = sheet.scale("rupture_speed", top, "m/s")
+    if unit == "m/s" and top > 1200 and not sheet.asks("rupture_speed"):
+        size, unit = 1e3, "km/s"
+    ax.plot(position / x_size, local / size, ".-", ms=2, color="#1a1a1a")
+    ax.set(ylabel=f"Rupture speed ({unit})", ylim=(0, top / size))
     heights = spread(np.array([guide.speed for guide in speeds]) / top, ROOM)
     for (name, speed, style), height in zip(speeds, heights, strict=True):
-        axes[1].axhline(speed / size, ls=style, color=GUIDE, lw=0.8)
-        axes[1].annotate(name, (1, height), (3, 0), xycoords="axes fraction", textcoords="offset points",
-                         color=GUIDE, va="center", annotation_clip=False)
+        ax.axhline(speed / size, ls=style, color=GUIDE, lw=0.8)
+        ax.annotate(
+            name,
+            (1, height),
+            (3, 0),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            color=GUIDE,
+            va="center",
+            annotation_clip=False,
+        )
     if not np.isfinite(arrival).any():
-        for ax in axes:
-            note(ax, "no sliding")
+        note(ax, "no sliding")
     elif len(shown) == 1:
-        note(axes[1], "no front: the points\nslide at once" if together.any() else "no speed: fewer than four points\n"
+        note(ax, "no front: the points\nslide at once" if together.any() else "no speed: fewer than four points\n"
              "of a window slid one after another")  # fmt: skip
-    remark(figure, whose_speeds(record) if speeds else "", not_resolved(record))
-    letter(axes)
-    return figure
+    return bool(speeds)
 
 
 def spread(heights: Array, room: float) -> Array:

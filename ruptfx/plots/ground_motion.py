@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 
 from ruptfx.analysis.ground_motion import speeds_of
-from ruptfx.figure_style import RATE_MAP, Array, letter, new_figure, remark, scale, styled
-from ruptfx.plots._panels import without
+from ruptfx.figure_style import RATE_MAP, Array
+from ruptfx.plots._sheet import Sheet, figure
 from ruptfx.record import Data, Files
 
 NEAR = 1e-6  # of the extent of a grid: distance of a point of an interface that is drawn on it
@@ -20,21 +21,28 @@ def suits(record: Files) -> bool:
     return bool(_grids(record)) and (record.path / "instruments.h5").is_file()
 
 
-@styled
-def ground_motion(record: Files) -> Figure:
-    """Draw the peak ground velocity: the largest length of the velocity of every point, as a map or along a line."""
-    grids = {name: record.instruments[name] for name in _grids(record)}
+@figure
+def ground_motion(sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None) -> None:
+    """Draw the peak ground velocity: the largest length of the velocity of every point, as a map or along a line.
+
+    Parameters
+    ----------
+    field
+        Names of grids of receivers. Default: all.
+    """
+    grids = {name: record.instruments[name] for name in sheet.choose(field, _grids(record))}
     if not any(data.sizes["time"] for data in grids.values()):
-        return without("no sample was saved")
+        sheet.empty("no sample was saved")
+        return
     shapes = [_sides(data) for data in grids.values()]
     heights = [2.2 if len(sides) < 2 else float(np.clip(0.9 + 5.6 * sides[1][1] / sides[0][1], 1.8, 6.0))
                for sides in shapes]  # fmt: skip
-    figure, axes = new_figure(len(grids), 1, sum(heights), height_ratios=heights)
+    axes = sheet.panels(len(grids), 1, sum(heights), height_ratios=heights)
     for ax, (name, data), sides in zip(axes[:, 0], grids.items(), shapes, strict=True):
         peak = speeds_of(data).max(axis=0)
-        size, unit = scale(peak, "m/s")
+        size, unit = sheet.scale("velocity", peak, "m/s")
         label = f"Peak velocity ({unit})"
-        lengths, metre = scale(max(extent for _, extent in sides), "m")
+        lengths, metre = sheet.scale("x", max(extent for _, extent in sides), "m")
         first = data[sides[0][0]].values / lengths
         if len(sides) == 1:
             ax.plot(first, peak / size)
@@ -46,14 +54,13 @@ def ground_motion(record: Files) -> Figure:
             table[np.searchsorted(rows, second), np.searchsorted(columns, first)] = peak / size
             drawn = ax.pcolormesh(columns, rows, table, norm=Normalize(0, max(table.max(), 1e-300)), cmap=RATE_MAP,
                                   shading="gouraud", rasterized=True)  # fmt: skip
-            figure.colorbar(drawn, ax=ax, label=label)
+            sheet.figure.colorbar(drawn, ax=ax, label=label)
             _draw_interfaces(ax, record, data, [axis for axis, _ in sides], lengths)
             ax.set(aspect="equal", ylabel=f"{sides[1][0]} ({metre})")
         ax.set_xlabel(f"{sides[0][0]} ({metre})")
         ax.set_title(name, loc="right")
-    letter(axes.ravel() if len(grids) > 1 else [])
-    remark(figure, "Largest length of the velocity among the samples.")
-    return figure
+    sheet.letter(axes[:, 0])
+    sheet.remark("Largest length of the velocity among the samples.")
 
 
 def _grids(record: Files) -> list[str]:

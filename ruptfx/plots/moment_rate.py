@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from ruptfx.analysis.surface import magnitude_of, shear_modulus
 from ruptfx.analysis.surface import moment_rate as rate_of
-from ruptfx.figure_style import letter, new_figure, remark, scale, styled
 from ruptfx.plots._record import has_surface
+from ruptfx.plots._sheet import Sheet, figure
 from ruptfx.record import Files
+
+PANELS = {"moment_rate": ("Moment rate", "N m/s"), "moment": ("Moment", "N m")}
 
 
 def suits(record: Files) -> bool:
@@ -17,21 +20,30 @@ def suits(record: Files) -> bool:
     return has_surface(record) and record.interface.sizes["time"] > 1
 
 
-@styled
-def moment_rate(record: Files) -> Figure:
-    """Draw the moment rate and the moment of the surface against time."""
+@figure
+def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None) -> None:
+    """Draw the moment rate and the moment of the surface against time.
+
+    Parameters
+    ----------
+    field
+        Panels: "moment_rate", "moment". Default: both.
+    """
     data = record.interface
     time, area = data["time"].values, data["area"].values
     moments = [float(area @ magnitude_of(data, "slip", row)) for row in range(len(time))]
-    rate, moment = rate_of(data), shear_modulus(data) * np.array(moments)
-    t_size, t_unit = scale(time, "s")
-    figure, axes = new_figure(1, 2, 2.6, sharex=True)
-    for ax, values, label in zip(axes[0], (rate, moment), ("Moment rate (N m/s)", "Moment (N m)"), strict=True):
-        ax.plot(time / t_size, values, color="#1a1a1a")
-        ax.set(xlabel=f"Time ({t_unit})", ylabel=label, xlim=(time[0] / t_size, time[-1] / t_size))
+    values = {"moment_rate": rate_of(data), "moment": shear_modulus(data) * np.array(moments)}
+    wanted = sheet.choose(field, list(PANELS))
+    axes = sheet.panels(1, len(wanted), 2.6, sharex=True)[0]
+    t_size, t_unit = sheet.scale("time", time, "s")
+    for ax, name in zip(axes, wanted, strict=True):
+        label, unit = PANELS[name]
+        size, printed = sheet.scale(name, values[name], unit)
+        ax.plot(time / t_size, values[name] / size, color="#1a1a1a")
+        ax.set(xlabel=f"Time ({t_unit})", ylabel=f"{label} ({printed})", xlim=(time[0] / t_size, time[-1] / t_size))
         ax.set_ylim(bottom=0)
-    if moment[-1] > 0:
-        magnitude = (np.log10(moment[-1]) - 9.1) / 1.5
-        remark(figure, f"Moment magnitude {magnitude:.2f}; shear modulus {shear_modulus(data):.4g} Pa.")
-    letter(axes[0])
-    return figure
+    sheet.letter(axes)
+    last = values["moment"][-1]
+    if last > 0:
+        magnitude = (np.log10(last) - 9.1) / 1.5
+        sheet.remark(f"Moment magnitude {magnitude:.2f}; shear modulus {shear_modulus(data):.4g} Pa.")

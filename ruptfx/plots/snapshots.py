@@ -6,30 +6,34 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ruptfx.analysis import rupture_origin
-from ruptfx.figure_style import GUIDE, MUTED, empty_figure, letter, limit, new_figure, remark, scale, styled
+from ruptfx.figure_style import GUIDE, MUTED, Array, limit
 from ruptfx.plots._record import (
     along,
+    at_positions,
+    chosen,
     default_times,
-    direction,
     guides,
     has_origin,
     has_slip_rates,
     is_uneven,
-    nearest,
     not_resolved,
     open_faces,
+    quantity,
     rate_range,
+    signed,
     turned,
     whose_speeds,
 )
+from ruptfx.plots._sheet import Sheet, Window, figure
 from ruptfx.plots._states import COLOURS
 from ruptfx.plots._strength import strength
-from ruptfx.record import Files
+from ruptfx.record import Data, Files
 
+FIELDS = {"slip_rate": "#c1440e", "shear_traction": "#1a1a1a", "normal_stress": "#3a7d44"}
+CONSTANT = 1e-6  # of the normal stress: smaller changes are rounding
 FAR = 3.0  # times the largest traction: a higher strength is cut off
 
 
@@ -38,80 +42,113 @@ def suits(record: Files) -> bool:
     return has_slip_rates(record) and not is_uneven(record)
 
 
-@styled
-def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
+@figure
+def snapshots(
+    sheet: Sheet,
+    record: Files,
+    *,
+    at: float | Sequence[float] | None = None,
+    x: Window | None = None,
+    field: str | Sequence[str] | None = None,
+) -> None:
     """Draw slip rate, shear traction and normal stress along the interface at several times, one row each.
 
     Thin vertical lines: distances that c_s and c_l reach from the loaded end. Slip rate and shear traction are positive
     in the direction of the slip; a remark states if that reverses their sign. The dotted line of the shear traction is
     the strength, if it can be computed. Slip rates have a logarithmic axis if pulses are narrow, and gaps
-    where faces are open. Axes of tractions leave out single values far beyond the others, as at corners.
+    where faces are open. Axes of tractions leave out single values far beyond the others, as at corners. A normal
+    stress that is the same everywhere and at all times is stated in the remark.
 
     Parameters
     ----------
-    record : Record or Files
-    times : sequence of float, optional
+    at
         Times [s]; the nearest saved ones are drawn. Default: four while the rupture runs.
+    field
+        Fields of the interface, a column each. Default: "slip_rate", "shear_traction", and "normal_stress" if it
+        changes.
     """
-    data = record.interface
+    data = at_positions(record.interface, x, sheet.name)
     saved = data["time"].values
-    rows = default_times(record, saved, 4) if times is None else nearest(saved, np.asarray(times))
+    rows = chosen(saved, at, default_times(record, saved, 1 if sheet.is_given else 4))
     if not len(rows):
-        return empty_figure("no time was saved", "Position along the interface (m)", "Time (s)")
-    position, sign = data["position"].values, direction(record)
-    x_size, x_unit = scale(np.ptp(position), "m")
-    strengths = strength(record, rows)
-    names = {"slip_rate": ("Slip rate", "m/s"), "shear_traction": ("Shear traction", "Pa"),
-             "normal_stress": ("Normal stress", "Pa")}
-    figure, axes = new_figure(len(rows), 3, 0.6 + 1.4 * len(rows), sharex=True, sharey="col")
+        sheet.empty("no time was saved", "Position along the interface (m)", "Time (s)")
+        return
+    wanted, constant = _default(data, sheet) if field is None else ([field] if isinstance(field, str) else field, "")
+    meant = {name: quantity(data, name, sheet.name) for name in wanted}
+    position = data["position"].values
+    x_size, x_unit = sheet.scale("x", np.ptp(position), "m")
+    sheet.one_of(f"choose one with field = '{wanted[0]}' and at = 30e-6")
+    axes = sheet.panels(len(rows), len(meant), 0.6 + 1.4 * len(rows), sharex=True, sharey="col")
     axes[0, 0].set_xlim(position[0] / x_size, position[-1] / x_size)
     marked, cut, away = False, False, open_faces(data, rows)
-    for column, (name, (title, unit)) in enumerate(names.items()):
-        values = data[name].isel(time=rows).values * (1.0 if name == "normal_stress" else sign)
+    strengths = strength(record, rows) if "shear_traction" in meant else None
+    if strengths is not None:
+        strengths = strengths[:, np.isin(record.interface["position"].values, position)]
+    for column, (name, (title, unit)) in enumerate(meant.items()):
+        values = data[name].isel(time=rows).values * signed(record, name)
         if name == "slip_rate":
             values = np.where(away, np.nan, values)
-        size, printed = scale(values, unit)
+        size, printed = sheet.scale(name, values, unit)
+        colour = FIELDS.get(name, GUIDE)
         for number, (ax, row, line) in enumerate(zip(axes[:, column], rows, values / size, strict=True)):
             if name == "slip_rate":
-                ax.fill_between(position / x_size, line, color="#c1440e", alpha=0.25, lw=0)
+                ax.fill_between(position / x_size, line, color=colour, alpha=0.25, lw=0)
                 ax.fill_between(position / x_size, 0, 1, away[number], transform=ax.get_xaxis_transform(), lw=0,
                                 step="mid", color=COLOURS["open"], gid="open", zorder=0)  # fmt: skip
-            ax.plot(position / x_size, line, color=("#c1440e", "#1a1a1a", "#3a7d44")[column])
+            ax.plot(position / x_size, line, color=colour)
             if name == "shear_traction" and strengths is not None:
                 ax.plot(position / x_size, strengths[number] / size, ":", color=MUTED, lw=0.9, gid="strength", zorder=0)
-            ax.set_ylabel(f"{title} ({printed})")
-            marked |= has_origin(record) and _marks(ax, record, saved[row], x_size, named=column > 0)
+            ax.set_ylabel(title if printed == "1" else f"{title} ({printed})")
+            named = column > 0 or len(meant) == 1
+            marked |= has_origin(record) and _marks(ax, record, saved[row], x_size, named=named)
         axes[-1, column].set_xlabel(along(record, x_size, x_unit))
-        if np.isnan(values).all():
-            continue
-        middle, largest = np.nanmean(values) / size, np.nanmax(np.abs(values)) / size
-        if name != "slip_rate":
-            cut |= limit(axes[0, column], values, size)
-        if name == "shear_traction":
-            top = 0.0 if strengths is None else float(np.nanmax(strengths)) / size
-            if top > FAR * largest > 0:  # glued: it would flatten the traction
-                ax_range = values.min() / size, values.max() / size
-                room = 0.1 * (np.ptp(ax_range) or largest)
-                axes[0, column].set_ylim(ax_range[0] - room, ax_range[1] + room)
-        if (np.nanmax(values) - np.nanmin(values)) / size < 0.01 * largest:  # show rounding as what it is
-            axes[0, column].set_ylim(middle - 0.05 * largest, middle + 0.05 * largest)
-        low, _, logarithmic = rate_range(record, np.nan_to_num(np.abs(values)))
-        if name == "slip_rate" and logarithmic:
-            axes[0, 0].set_yscale("log", nonpositive="clip")
-            axes[0, 0].set_ylim(low / size, 2 * np.nanmax(values) / size)
-            if np.nanmax(values) < 100 * low:  # powers of ten alone would be too few
-                axes[0, 0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-                axes[0, 0].yaxis.set_major_formatter("{x:g}")
-                axes[0, 0].yaxis.set_minor_formatter(NullFormatter())
-    t_size, t_unit = scale(saved, "s")
+        if not np.isnan(values).all():
+            limiting = strengths if name == "shear_traction" else None
+            cut |= _limits(axes[0, column], data, name, values, size, limiting)
+    t_size, t_unit = sheet.scale("time", saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
     known = "" if strengths is None else "Dotted beside the shear traction: the strength."
-    grey = "Grey: the faces are open, without a slip rate." if away.any() else ""
+    grey = "Grey: the faces are open, without a slip rate." if away.any() and "slip_rate" in meant else ""
     beyond = "Single values beyond the axes of the tractions are not shown." if cut else ""
-    remark(figure, known, grey, beyond, turned(record), whose_speeds(record) if marked else "", not_resolved(record))
-    letter(axes.ravel())
-    return figure
+    backward = turned(record) if any(signed(record, name) < 0 for name in meant) else ""
+    speeds = whose_speeds(record) if marked else ""
+    sheet.letter(axes)
+    sheet.remark(known, constant, grey, beyond, backward, speeds, not_resolved(record))
+
+
+def _default(data: Data, sheet: Sheet) -> tuple[list[str], str]:
+    """Return the fields to draw, and the normal stress as a sentence where it never changes."""
+    normal = data["normal_stress"].values
+    largest = float(np.abs(normal).max(initial=0.0))
+    if float(np.ptp(normal)) > CONSTANT * largest or not largest:
+        return list(FIELDS), ""
+    size, unit = sheet.scale("normal_stress", largest, "Pa")
+    return [name for name in FIELDS if name != "normal_stress"], (
+        f"The normal stress is {float(normal.flat[0]) / size:.4g} {unit} everywhere and at all times."
+    )
+
+
+def _limits(ax: Axes, data: Data, name: str, values: Array, size: float, strengths: Array | None) -> bool:
+    """Set the limits of a column; return whether single values lie beyond them."""
+    middle, largest = np.nanmean(values) / size, np.nanmax(np.abs(values)) / size
+    cut = name != "slip_rate" and limit(ax, values, size)
+    top = 0.0 if strengths is None else float(np.nanmax(strengths)) / size
+    if top > FAR * largest > 0:  # glued: it would flatten the traction
+        ends = values.min() / size, values.max() / size
+        room = 0.1 * (np.ptp(ends) or largest)
+        ax.set_ylim(ends[0] - room, ends[1] + room)
+    if (np.nanmax(values) - np.nanmin(values)) / size < 0.01 * largest:  # show rounding as what it is
+        ax.set_ylim(middle - 0.05 * largest, middle + 0.05 * largest)
+    low, _, logarithmic = rate_range(data, np.nan_to_num(np.abs(values)))
+    if name == "slip_rate" and logarithmic:
+        ax.set_yscale("log", nonpositive="clip")
+        ax.set_ylim(low / size, 2 * np.nanmax(values) / size)
+        if np.nanmax(values) < 100 * low:  # powers of ten alone would be too few
+            ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            ax.yaxis.set_major_formatter("{x:g}")
+            ax.yaxis.set_minor_formatter(NullFormatter())
+    return cut
 
 
 def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> bool:
@@ -131,6 +168,15 @@ def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> 
         ax.axvline(place, color=GUIDE, lw=0.5, ls=style, zorder=0)
         if named and place > labelled + 0.08 * (right - left):
             labelled = place
-            ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
-                        textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
+            ax.annotate(
+                name,
+                (place, 1),
+                (0, 1),
+                xycoords=("data", "axes fraction"),
+                color=GUIDE,
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                annotation_clip=False,
+            )
     return seen

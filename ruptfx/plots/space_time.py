@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
-from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator
 
 from ruptfx.analysis import SLIDING, nucleation, rupture_origin, slides_far
 from ruptfx.analysis.modes import LEVEL
-from ruptfx.figure_style import GUIDE, RATE_MAP, edges, new_figure, note, remark, scale, styled
+from ruptfx.figure_style import GUIDE, RATE_MAP, TIME_MAP, Array, edges, note
 from ruptfx.plots._record import (
     along,
+    at_positions,
     end_time,
     guides,
     has_origin,
@@ -21,12 +21,16 @@ from ruptfx.plots._record import (
     is_uneven,
     not_resolved,
     open_faces,
+    quantity,
     rate_range,
+    signed,
     slid,
+    turned,
     whose_speeds,
 )
+from ruptfx.plots._sheet import Sheet, Window, figure
 from ruptfx.plots._states import COLOURS
-from ruptfx.record import Files
+from ruptfx.record import Data, Files
 
 WIDE, HIGH = 0.09, 0.05  # width and height of a label over those of the picture
 
@@ -36,57 +40,92 @@ def suits(record: Files) -> bool:
     return slid(record) and not is_uneven(record)
 
 
-@styled
-def space_time(record: Files) -> Figure:
+@figure
+def space_time(sheet: Sheet, record: Files, *, x: Window | None = None, field: str = "slip_rate") -> None:
     """Draw the slip rate against position and time, with lines from the loaded end at the wave speeds.
 
     White is slower than the sliding threshold (2 % of the driven speed); in finite sliding, white points stick.
     Grey points are open and have no slip rate. Colours are logarithmic where narrow pulses are ten times
     faster than the other points. Wave speeds that coincide in the picture are not drawn.
+
+    Parameters
+    ----------
+    field : str
+        A field of the interface with a value at every time, such as "slip", "shear_traction", "normal_stress",
+        "opening", or a state of the friction law.
     """
-    data = record.interface
-    position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
-    states = data["contact"].values if slides_far(data) else None
-    away = open_faces(data)
-    rate = np.where(away if states is None else states != SLIDING, 0.0, rate)
+    data = at_positions(record.interface, x, sheet.name)
+    position, time = data["position"].values, data["time"].values
     until, (since, _) = end_time(record), nucleation(data)
-    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
-    figure, axes = new_figure(1, 1, 3.6, 4.8)
-    ax = axes[0, 0]
+    (x_size, x_unit), (t_size, t_unit) = sheet.scale("x", np.ptp(position), "m"), sheet.scale("time", until, "s")
+    quantity(data, field, sheet.name)  # refuses unknown fields before anything is drawn
+    ax = sheet.panels(1, 1, 3.6, 4.8)[0, 0]
     ax.set(
-        xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit})",
-        xlim=(position[0] / x_size, position[-1] / x_size), ylim=(record.since / t_size, until / t_size),
+        xlabel=along(record, x_size, x_unit),
+        ylabel=f"Time ({t_unit})",
+        xlim=(position[0] / x_size, position[-1] / x_size),
+        ylim=(record.since / t_size, until / t_size),
     )
     if record.since < since < until:  # loaded first
         ax.set_ylim(bottom=max(record.since, since - 0.1 * (until - since)) / t_size)
-    peak, white = rate.max(initial=0.0), ""
-    if peak > 0 and len(time) > 1:
-        low, high, logarithmic = rate_range(record, rate)
-        size, unit = scale(high, "m/s")
-        norm = (LogNorm if logarithmic else Normalize)(low / size, max(high, 2 * low) / size)
-        grid = edges(position) / x_size, edges(time) / t_size
-        colours = RATE_MAP.with_extremes(under="white")
-        if states is None:
-            shown, white = np.ma.masked_less(rate, low), "slower than {}, which does not count as sliding"
-        else:
-            shown, white = np.ma.masked_where(states != SLIDING, rate), "sticks, or slides slower than {}"
-        white = f"White: {white.format(f'{low / size:.3g} {unit}')}."
-        if away.any():
-            grey = ListedColormap([COLOURS["open"]])
-            ax.pcolormesh(*grid, np.ma.masked_where(~away, np.ones_like(rate)), cmap=grey, rasterized=True)
-            white += " Grey: does not touch."
-        mesh = ax.pcolormesh(*grid, shown / size, norm=norm, cmap=colours, rasterized=True)
-        # Less than two decades need numbers between their powers of ten.
-        ticks = LogLocator(subs=(1, 2, 5)) if logarithmic and high < 100 * low else None
-        label = f"Magnitude of slip rate ({unit})"
-        bar = figure.colorbar(mesh, ax=ax, label=label, ticks=ticks, extend="both", pad=0.03)
-        bar.ax.yaxis.set_major_formatter("{x:g}")
-        bar.ax.yaxis.set_minor_formatter("")
+    grid = edges(position) / x_size, edges(time) / t_size
+    said = ""
+    if field == "slip_rate":
+        said = _rate(sheet, ax, data, grid)
+    elif len(time) > 1:
+        said = _field(sheet, ax, record, data, field, grid)
+    drawn = has_origin(record) and not is_quasi_static(record) and _rays(ax, record, x_size, t_size)
+    sheet.remark(said, whose_speeds(record) if drawn else "", not_resolved(record))
+
+
+def _rate(sheet: Sheet, ax: Axes, data: Data, grid: tuple[Array, Array]) -> str:
+    """Draw the slip rate; return what its white and grey points are."""
+    rate = np.abs(data["slip_rate"].values)
+    states = data["contact"].values if slides_far(data) else None
+    away = open_faces(data)
+    rate = np.where(away if states is None else states != SLIDING, 0.0, rate)
+    peak = float(rate.max(initial=0.0))
     if peak <= LEVEL * data.attrs.get("V_imp", 0):
         note(ax, "no sliding")
-    drawn = has_origin(record) and not is_quasi_static(record) and _rays(ax, record, x_size, t_size)
-    remark(figure, white, whose_speeds(record) if drawn else "", not_resolved(record))
-    return figure
+    if peak == 0 or len(rate) < 2:
+        return ""
+    low, high, logarithmic = rate_range(data, rate)
+    size, unit = sheet.scale("slip_rate", high, "m/s")
+    norm = (LogNorm if logarithmic else Normalize)(low / size, max(high, 2 * low) / size)
+    if states is None:
+        shown, white = np.ma.masked_less(rate, low), "slower than {}, which does not count as sliding"
+    else:
+        shown, white = np.ma.masked_where(states != SLIDING, rate), "sticks, or slides slower than {}"
+    white = f"White: {white.format(f'{low / size:.3g} {unit}')}."
+    if away.any():
+        grey = ListedColormap([COLOURS["open"]])
+        ax.pcolormesh(*grid, np.ma.masked_where(~away, np.ones_like(rate)), cmap=grey, rasterized=True)
+        white += " Grey: open faces."
+    colours = RATE_MAP.with_extremes(under="white")
+    mesh = ax.pcolormesh(*grid, shown / size, norm=norm, cmap=colours, rasterized=True)
+    # Less than two decades need numbers between their powers of ten.
+    ticks = LogLocator(subs=(1, 2, 5)) if logarithmic and high < 100 * low else None
+    label = f"Magnitude of slip rate ({unit})"
+    bar = sheet.figure.colorbar(mesh, ax=ax, label=label, ticks=ticks, extend="both", pad=0.03)
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.ax.yaxis.set_minor_formatter("")
+    return white
+
+
+def _field(sheet: Sheet, ax: Axes, record: Files, data: Data, name: str, grid: tuple[Array, Array]) -> str:
+    """Draw a field other than the slip rate; return whether its sign is turned, as a sentence."""
+    meant = quantity(data, name, sheet.name)
+    values = signed(record, name) * data[name].values
+    size, unit = sheet.scale(name, values, meant.unit)
+    low, high = np.nanquantile(values, [0.001, 0.999])
+    extend = ("min" if np.nanmin(values) < low else "") + ("max" if np.nanmax(values) > high else "")
+    norm = Normalize(low / size, high / size if high > low else low / size + 1.0)
+    mesh = ax.pcolormesh(*grid, values / size, norm=norm, cmap=TIME_MAP, rasterized=True)
+    label = meant.label if unit == "1" else f"{meant.label} ({unit})"
+    sheet.figure.colorbar(
+        mesh, ax=ax, label=label, pad=0.03, extend={"": "neither", "minmax": "both"}.get(extend, extend)
+    )
+    return turned(record) if signed(record, name) < 0 else ""
 
 
 def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> bool:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import WAVE_MAP, Array, styled
-from ruptfx.plots._panels import panels, without
+from ruptfx.figure_style import WAVE_MAP, Array
+from ruptfx.plots._panels import bulk_field, panels
 from ruptfx.plots._record import has_pictures, has_slip_rates, is_quasi_static, is_uneven
+from ruptfx.plots._sheet import Sheet, Window, figure
 from ruptfx.record import Files
 
+SPEED = "speed"
 SLIDES = "#35d6c8"
 
 
@@ -22,22 +23,40 @@ def suits(record: Files) -> bool:
     return has_pictures(record, "velocity") and not slow
 
 
-@styled
-def wavefield(record: Files, time: float | Sequence[float] | None = None) -> Figure:
-    """Draw the particle speed in the two bodies with the interface; shear Mach fronts appear as straight lines.
+@figure
+def wavefield(
+    sheet: Sheet,
+    record: Files,
+    *,
+    at: float | Sequence[float] | None = None,
+    x: Window | None = None,
+    field: str = SPEED,
+) -> None:
+    """Draw a field of the bodies with the interface; in the particle speed, shear Mach fronts are straight lines.
 
     Sliding points of the interface are marked.
 
     Parameters
     ----------
-    record : Record or Files
-    time : float or sequence of float, optional
+    at
         Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
+    field : str
+        "speed", or a saved component such as "velocity_x", "displacement_y", "stress_xy". Default: the particle speed.
     """
-    if "velocity" not in record.bulk:
-        return without("no velocities were saved")
+    if field == SPEED:
+        if "velocity" not in record.bulk:
+            sheet.empty("no velocities were saved")
+            return
 
-    def speed(row: int, raster: Raster) -> Array:
-        return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
+        def speed(row: int, raster: Raster) -> Array:
+            return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
 
-    return panels(record, time, speed, "Particle speed", "white", SLIDES, "m/s", cmap=WAVE_MAP, vmin=0)
+        panels(sheet, record, at, x, speed, "Particle speed", "white", SLIDES, "m/s", cmap=WAVE_MAP, vmin=0)
+        return
+    values, unit = bulk_field(record, field, sheet.name, [SPEED])
+
+    def component(row: int, raster: Raster) -> Array:
+        return raster(values(row))
+
+    label = field.replace("_", " ").capitalize()
+    panels(sheet, record, at, x, component, label, "#1a1a1a", None, unit, cmap="RdBu_r", both=True)

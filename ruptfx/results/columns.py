@@ -57,8 +57,12 @@ class Column:
         rows = self._rows
         return np.asarray(self._stored[slice(rows.start, rows.stop, rows.step)] if self.dims else self._stored[()])
 
-    def isel(self, time: Rows) -> Column:
-        """Return the column at some times, by index; unchanged without a time axis."""
+    def isel(self, time: Rows = slice(None), position: Rows = slice(None)) -> Column:
+        """Return the column at some times and positions, by index; unchanged without these axes."""
+        if "position" in self.dims and not (isinstance(position, slice) and position == slice(None)):
+            picked = np.take(self.values, np.arange(self.shape[self.dims.index("position")])[position],
+                             self.dims.index("position"))  # fmt: skip
+            return Column(picked, self.dims, self.attrs).isel(time)
         if "time" not in self.dims:
             return self
         if isinstance(time, slice):
@@ -101,6 +105,6 @@ class Columns(Mapping[str, Column]):
         """Return the same columns, some of them by other names."""
         return Columns({names.get(name, name): column for name, column in self.items()}, self.attrs)
 
-    def isel(self, time: slice) -> Columns:
-        """Return all columns at some times."""
-        return Columns({name: column.isel(time) for name, column in self.items()}, self.attrs)
+    def isel(self, time: slice = slice(None), position: Rows = slice(None)) -> Columns:
+        """Return all columns at some times and positions."""
+        return Columns({name: column.isel(time, position) for name, column in self.items()}, self.attrs)

@@ -83,7 +83,7 @@ def _draw(record: Files, directory: Path) -> None:
         if not plots.suits(name, record):
             continue
         try:
-            figure = getattr(plots, name)(record)
+            figure = plots.figure_of(plots.FIGURES[name](record))
         except Exception as error:  # a failed picture must not lose the run
             (directory / f"{name}.txt").write_text(f"{error}\n")
             continue

@@ -1,5 +1,6 @@
 """Contract of the figures: every file of `plots/`, found by its name, is right for every run that it suits."""
 
+import inspect
 import re
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 import synthetic
 from labels import label_faults
 from matplotlib import pyplot
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from ruptfx import plots
-from ruptfx.record import Record
+from ruptfx import RuptfxError, plots
+from ruptfx.record import Record, RecordError
 from ruptfx.schema import own_kinds
 
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
@@ -70,7 +73,7 @@ def test_figure(name, records):
     assert fitting
     for kind in fitting:
         print(f"drawn of the run {kind!r}")  # shown where it fails
-        check_figure(plots.FIGURES[name](records[kind]))
+        check_figure(plots.FIGURES[name](records[kind]).figure)
 
 
 def check_figure(figure):
@@ -108,3 +111,156 @@ def test_record_is_left_as_it_was(name, records):
         plots.FIGURES[name](drawn)
         for key in untouched.interface:
             np.testing.assert_array_equal(drawn.interface[key], untouched.interface[key], err_msg=key)
+
+
+SHARED = ("ax", "times", "at", "x", "field", "units")
+EXAMPLES = {"times": (10e-6, 40e-6), "at": 30e-6, "x": (0.02, 0.08), "units": {"nothing": "m"}}
+
+
+def arguments(name):
+    return inspect.signature(plots.FIGURES[name]).parameters
+
+
+def fitting(name, records):
+    """Runs of a figure, that with the most records first."""
+    found = [record for record in records.values() if plots.suits(name, record)]
+    return sorted(found, key=lambda record: -record.interface.sizes["time"])
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_arguments_are_described_and_others_refused(name, records):
+    """The docstring has every argument, and the message for another one names them all."""
+    known, record = arguments(name), fitting(name, records)[0]
+    for each in known:
+        assert re.search(rf"^{each} : .+\n    \S", plots.FIGURES[name].__doc__, re.M), each
+    for other in {*SHARED, "colour"} - set(known):
+        with pytest.raises(RuptfxError, match=rf"plots\.{name}: it takes ax") as raised:
+            plots.FIGURES[name](record, **{other: EXAMPLES.get(other)})
+        assert all(each in str(raised.value) for each in list(known)[1:])
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_axes_of_the_user(name, records):
+    """One panel is drawn into given axes and returned, without letters and footers; several are refused with a way out,
+    which draws one of them."""
+    draw, record = plots.FIGURES[name], fitting(name, records)[0]
+    whole = draw(record)
+    panels = [whole] if isinstance(whole, Axes) else list(whole.flat)
+    assert all(isinstance(ax, Axes) and ax.get_visible() for ax in panels)
+    figure = Figure()
+    ax = figure.add_subplot()
+    if len(panels) == 1:
+        found = draw(record, ax)
+    else:
+        options = {}
+        if "at" in arguments(name):
+            options["at"] = 30e-6
+        if "PANELS" in vars(plots._FILES[name]) or name in FIELD:
+            with pytest.raises(RuptfxError, match=r"panels do not fit into one ax; choose one .*leave out ax"):
+                draw(record, ax)
+            options["field"] = FIELD.get(name) or next(iter(plots._FILES[name].PANELS))
+        found = draw(record, ax, **options)
+    assert found is ax and ax.figure is figure and ax.has_data()
+    assert not ax.get_title(loc="left") and not figure.get_supxlabel()
+    assert plots.remarks(whole).split() == panels[0].figure.get_supxlabel().split()
+
+
+FIELD = {"snapshots": "slip_rate", "slip_profiles": "slip", "instruments": "point.velocity_y"}
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_a_window_of_times_is_that_of_a_part_of_the_record(name, records):
+    if "times" not in arguments(name):
+        assert not any(plots.suits(name, record.between(1e-6)) for record in records.values())
+        pytest.skip("statistics of the whole run")
+    for record in fitting(name, records):
+        saved = record.interface.time.values
+        if len(saved) < 10:
+            continue
+        # Facets are saved at 1 and 2 us.
+        window = 1.5e-6 if name == "cracks" else float(saved[len(saved) // 4]), float(saved[-1])
+        with record.between(*window) as part:
+            try:
+                if not plots.suits(name, part):
+                    continue
+            except RecordError:  # no snapshot then
+                continue
+            here, there = (np.atleast_1d(axes).flat for axes in (plots.FIGURES[name](record, times=window),
+                                                                 plots.FIGURES[name](part)))  # fmt: skip
+            for one, other in zip(here, there, strict=True):
+                assert (one.get_xlim(), one.get_ylim(), one.get_xlabel()) == (
+                    other.get_xlim(), other.get_ylim(), other.get_xlabel())  # fmt: skip
+        break
+    else:
+        pytest.fail("no run suits in part")
+    with pytest.raises(RuptfxError, match="single times are given by at"):
+        plots.FIGURES[name](record, times=[1e-6, 2e-6, 3e-6])
+
+
+@pytest.mark.parametrize("name", [name for name in plots.FIGURES if "x" in arguments(name)])
+def test_a_window_of_positions(name, records):
+    """The axis of x ends where the window does, to an element; a window without points is refused or empty."""
+    record = fitting(name, records)[0]
+    data = record.interface.position.values
+    low, high = (float(data.min() + share * np.ptp(data)) for share in (0.25, 0.75))
+    cut = list(np.atleast_1d(plots.FIGURES[name](record, x=(low, high), units={"x": "m"})).flat)
+    ends = [ax.get_xlim() for ax in cut if re.match(r"(x|Along strike)\b.*\(m\)", ax.get_xlabel())]
+    ends += [ax.get_xlim() for ax in cut if ax.get_xlabel().startswith("Position")]
+    assert ends and all(end == pytest.approx((low, high), abs=0.02 * np.ptp(data)) for end in ends)
+    with pytest.raises(RuptfxError, match=rf"plots\.{name}: x has two ends"):
+        plots.FIGURES[name](record, x=(0.1,))
+    with pytest.raises(RuptfxError, match="must be larger"):
+        plots.FIGURES[name](record, x=(0.1, 0.0))
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_units_on_the_axes(name, records):
+    """The message for an unknown quantity names all of them with their units; each of these can be asked for."""
+    record = fitting(name, records)[0]
+    with pytest.raises(RuptfxError, match="units of 'nothing': this figure has") as raised:
+        plots.FIGURES[name](record, units={"nothing": "m"})
+    known = dict(re.findall(r"(\w+) \[([^\]]+)\]", str(raised.value)))
+    assert known
+    for quantity, unit in known.items():
+        with pytest.raises(RuptfxError, match=f"units of {quantity}: "):
+            plots.FIGURES[name](record, units={quantity: "kg3"})
+        if quantity in ("time", "x"):
+            wanted = {"time": "min", "x": "cm"}[quantity]
+            axes = np.atleast_1d(plots.FIGURES[name](record, units={quantity: wanted})).flat
+            axes = [*axes, *axes[0].figure.axes]
+            texts = [text for ax in axes for text in (ax.get_xlabel(), ax.get_ylabel(), ax.get_title(loc="right"))]
+            texts.append(axes[0].figure.get_supxlabel())
+            assert any(re.search(rf"\b{wanted}\b", text) for text in texts), (quantity, texts)
+        else:
+            plots.FIGURES[name](record, units={quantity: unit})
+
+
+@pytest.mark.parametrize("name", [name for name in plots.FIGURES if "field" in arguments(name)])
+def test_fields(name, records):
+    """Every panel can be drawn alone; an unknown one is refused with what there is."""
+    record = fitting(name, records)[0]
+    with pytest.raises(RuptfxError, match=rf"plots\.{name}: field = 'nonsense': known: ") as raised:
+        plots.FIGURES[name](record, field="nonsense")
+    for field in str(raised.value).partition("known: ")[2].split(", "):
+        axes = plots.FIGURES[name](record, field=field)
+        assert np.atleast_1d(axes).flat[0].has_data(), field
+
+
+def test_a_field_of_the_interface_is_drawn_with_its_values(records):
+    """The slip of the record in millimetres, at the points of the window."""
+    record = records["train"]
+    axes = plots.space_time(record, field="slip", x=(0.02, 0.04), units={"slip": "mm"})
+    inside = (record.interface.position.values >= 0.02 - 1e-12) & (record.interface.position.values <= 0.04 + 1e-12)
+    (mesh,) = axes.collections
+    np.testing.assert_allclose(mesh.get_array(), 1e3 * record.interface.slip.values[:, inside])
+    assert axes.figure.axes[1].get_ylabel() == "Slip (mm)"
+    (line, *_) = plots.snapshots(record, at=30e-6, field="normal_stress", units={"normal_stress": "kPa"}).lines
+    np.testing.assert_allclose(line.get_ydata(), 6000.0)
+
+
+def test_a_component_of_the_bodies_is_drawn_with_its_values(records):
+    """At rest the wave of the synthetic run has not begun: the normal stress is -6 MPa, and colours are symmetric."""
+    axes = plots.wavefield(records["train"], at=0.0, field="stress_yy", units={"field": "MPa"})
+    (image,) = axes.images
+    np.testing.assert_allclose(np.ma.compressed(image.get_array()), -6.0)
+    assert image.get_clim() == pytest.approx((-6.0, 6.0))

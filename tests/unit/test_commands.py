@@ -253,11 +253,11 @@ def test_a_part_of_a_record_has_its_times_and_values(pushed: Path) -> None:
         np.testing.assert_array_equal(part.interface.slip_rate, whole.interface.slip_rate.values[inside])
         assert set(part.energy.time.values) == {t for t in whole.energy.time.values if 2e-6 <= t <= 3e-6}
         assert set(part.bulk.time.values) == {t for t in whole.bulk.time.values if 2e-6 <= t <= 3e-6}
-        axes = plots.space_time(part).axes[0]
+        axes = plots.space_time(part).figure.axes[0]
         assert axes.get_ylim() == pytest.approx((2.0, part.interface.time.values[-1] * 1e6))  # us
-        arrival = plots.front(part).axes[0].lines[0].get_ydata()
+        arrival = plots.front(part).figure.axes[0].lines[0].get_ydata()
         assert np.isfinite(arrival).any() and np.nanmin(arrival) >= 2.0 and np.nanmax(arrival) <= 3.0
-        assert plots.space_time(whole).axes[0].get_ylim()[0] == 0 and len(whole.interface.time) == len(times)
+        assert plots.space_time(whole).figure.axes[0].get_ylim()[0] == 0 and len(whole.interface.time) == len(times)
 
 
 def test_completion_of_runs_and_keys(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -309,7 +309,7 @@ def test_monitor_and_figure(tmp_path: Path) -> None:
         assert (sliding + since).max() <= record.interface.time[-1] + step
         example = executed("Figure")
         assert example["suits"](record)
-        (line,) = example["opening"](record).axes[0].lines
+        (line,) = example["opening"](record, units={"opening": "m"}).lines
         np.testing.assert_array_equal(line.get_ydata(), record.interface.opening.values.max(axis=0))
 
 

@@ -37,7 +37,7 @@ def test_a_rupture_begins_where_the_case_starts_it(tmp_path: Path) -> None:
     rate = synthetic.crack(TIME, POSITION, start=20e-6)
     with Record(started(synthetic.write_run(tmp_path / "run", rate, TIME, POSITION), 20e-6, 0.03)) as record:
         assert rupture_origin(record) == (0.03, 20e-6)
-        assert plots.space_time(record).axes[0].get_ylim()[0] > 0
+        assert plots.space_time(record).figure.axes[0].get_ylim()[0] > 0
 
 
 @pytest.mark.parametrize("name", ["front", "space_time"])

@@ -129,9 +129,11 @@ def test_a_record_shows_summary_and_small_pictures(tmp_path: Path) -> None:
 def test_figures_are_pictures_without_pyplot(tmp_path: Path) -> None:
     time, position = synthetic.times(31), synthetic.points(20)
     with Record(synthetic.write_run(tmp_path / "run", synthetic.crack(time, position), time, position)) as record:
-        figure = plots.space_time(record)
-        with Image.open(io.BytesIO(figure._repr_png_())) as picture:
-            assert picture.size == tuple(int(inches * figure.dpi) for inches in figure.get_size_inches())
+        for axes in (plots.space_time(record), plots.front(record)):
+            figure = axes.figure
+            for shown in (axes, figure):
+                with Image.open(io.BytesIO(shown._repr_png_())) as picture:
+                    assert picture.size == tuple(int(inches * figure.dpi) for inches in figure.get_size_inches())
 
 
 def test_overwrite_replaces_a_run_and_nothing_else(tmp_path: Path) -> None:

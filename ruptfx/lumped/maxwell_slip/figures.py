@@ -6,7 +6,7 @@ import numpy as np
 import xarray
 from matplotlib.figure import Figure
 
-from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, UNDECIDED, WIDTH, blank_figure, styled
+from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, UNDECIDED, WIDTH, blank_figure, letter, styled
 
 _COLOURS = {"stick-slip": STICK_SLIP, "steady": STEADY, "undecided": UNDECIDED}
 
@@ -57,11 +57,12 @@ def histories(dataset: xarray.Dataset) -> Figure:
         for level, style in ((dataset.attrs["mu_s"], "--"), (dataset.attrs["mu_d"], ":")):
             ax.axhline(level, color="0.3", linestyle=style, linewidth=0.6)
         mode = "stick-slip" if row.stick_slip else "steady sliding"
-        ax.set_title(f"({chr(97 + index)})  $\\alpha$ = {float(row.alpha):g}: {mode}", loc="left")
+        ax.set_title(f"$\\alpha$ = {float(row.alpha):g}: {mode}", loc="right")
         if index % columns == 0:
             ax.set_ylabel("Friction coefficient")
         if index >= count - columns:
             ax.set_xlabel("Time / slip period")
+    letter(axes[:count])
     return figure
 
 
