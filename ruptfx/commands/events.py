@@ -103,7 +103,7 @@ def _of_run(
             screen.print(f"Table: {path}", soft_wrap=True)
         path = out or run / "figures" / "emission.png"
         path.parent.mkdir(parents=True, exist_ok=True)
-        save(emission(record, found), path, path.suffix[1:] or "png")
+        save(emission(record, found=found).figure, path, path.suffix[1:] or "png")
         screen.print(f"Picture: {path}", soft_wrap=True)
 
 

@@ -61,14 +61,12 @@ def plot(
             if name not in plots.FIGURES:
                 raise RuptfxError(f"--figure {name}: {nearest(name, list(plots.FIGURES))}")
         first, last = seconds("--from", since), seconds("--to", until)
-        with Record(run, trust) as record:
-            times = None if first is None and last is None else (first, last)
+        with Record(run, trust) as record, record.between(first, last) as part:
             for name in figure or []:
-                with record.between(first, last) as part:
-                    if plots.suits(name, part):
-                        continue
+                if not plots.suits(name, part):
                     drawn = ", ".join(each for each in plots.FIGURES if plots.suits(each, part))
                     raise RuptfxError(f"--figure {name}: the run has no data for it; it has {drawn}")
+            times = (first, last) if part.is_part else None
             suffix = "".join(
                 f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
                 for word, time in (("from", first), ("to", last)) if time is not None

@@ -341,7 +341,7 @@ def test_panels_of_emission_have_data(tmp_path):
         figure = plots.emission(record).figure
         (rose,) = [ax for ax in figure.axes if ax.name == "polar"]
         assert rose.get_ylim()[0] == 0 and rose.get_visible()
-        none = plots.emission(record, emission_of(record, smallest=10.0, failure_time=0.0)).figure
+        none = plots.emission(record, found=emission_of(record, smallest=10.0, failure_time=0.0)).figure
         assert len([ax for ax in none.axes if ax.get_visible()]) == 2
         assert ": ." not in remarks(none) and "least." in remarks(none)
 
