@@ -205,8 +205,13 @@ class Files:
     @cached_property
     def interfaces(self) -> Mapping[str, Data]:
         paths = sorted(self.path.glob("interface*.h5"))
-        opened = [(path, self._open_interface(path)) for path in paths]
-        return {str(data.attrs.get("fault", path.stem)): data for path, data in opened}
+        opened = {path.stem: self._open_interface(path) for path in paths}
+        found = {str(data.attrs.get("fault", stem)): data for stem, data in opened.items()}
+        if len(found) < 2:
+            return found
+        # As the case lists them: its first interface is what figures and the summary are about.
+        ordered = [name for name in self.case.get("faults", {}) if name in found]
+        return {name: found[name] for name in [*ordered, *(name for name in found if name not in ordered)]}
 
     def _opened(self, path: Path) -> h5py.File:
         """Open a file until the record is closed."""
@@ -394,7 +399,7 @@ class Record(Files):
     interface : xarray.Dataset
         Histories against `time` [s] and `position` [m] along the first interface, read lazily.
     interfaces : dict of xarray.Dataset
-        All interfaces by name.
+        All interfaces by name, in the order of the case.
     bulk : xarray.Dataset
         Snapshots against `time` [s] and `point`, with `points` [m] and `cells`, read lazily.
     energy : xarray.Dataset

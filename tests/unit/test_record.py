@@ -132,6 +132,16 @@ def test_several_interfaces(run):
         assert record.interface is record.interfaces["main"]
 
 
+@pytest.mark.parametrize("first, second", [("main", "upper"), ("upper", "main")])
+def test_the_first_interface_of_the_case_comes_first(run, first, second):
+    test_several_interfaces(run)
+    with (run / "case.toml").open("a") as file:
+        file.write("".join(f'\n[faults.{name}.contact]\nkind = "split_node"\n' for name in (first, second)))
+    with Record(run) as record:
+        assert list(record.interfaces) == [first, second]
+        assert record.interface is record.interfaces[first]
+
+
 def test_a_record_can_be_closed_and_used_again(run):
     record = Record(run)
     first = record.interface["slip"].values
