@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ruptfx.contact import Array, Trial
-from ruptfx.faults import cohesive_interface
 from ruptfx.faults.cohesive_interface import DAMAGED, CohesiveStrength
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.fault_step import impedances
@@ -158,7 +157,7 @@ def write_back(
         new |= {"damage": bonded.damage, "largest_opening": bonded.largest, "damaging_slip": bonded.slid}
         closed |= bonded.held.intact
         if law.at_end:
-            fractured = cohesive_interface.losses(fault, old, new, 1.0).shear
+            fractured = fault.cohesive_losses(old, new, 1.0).shear
         else:
             whole = np.linalg.norm(done.shear_traction, axis=1)
             shear = bonded.held.shear

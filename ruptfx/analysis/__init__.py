@@ -11,6 +11,7 @@ from ruptfx.analysis.energy import budget
 from ruptfx.analysis.modes import Modes, classify
 from ruptfx.analysis.resolution import peak_is_resolved
 from ruptfx.analysis.surface import is_surface, of_surface
+from ruptfx.results.summary_fields import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES
 
 if TYPE_CHECKING:
     from ruptfx.record import Data, Files
@@ -19,18 +20,6 @@ __all__ = [
     "UNITS", "UNITS_OF_FRACTURE", "UNITS_OF_SURFACES", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
     "slides_far", "sliding_rate", "summarise",
 ]
-
-UNITS_OF_FRACTURE = {
-    "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
-    "failed_length": "m",
-}
-UNITS_OF_SURFACES = {"moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s"}
-UNITS = {
-    "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
-    "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
-    "first_sliding": "s", "healing_time": "s", **UNITS_OF_FRACTURE, **UNITS_OF_SURFACES,
-}  # units of the summary; every other entry is a name or a pure number
-
 
 OPEN, SLIDING, UNCOVERED = 0, 2, 3  # values of the field `contact`
 

@@ -30,11 +30,10 @@ import numpy as np
 
 from ruptfx.codegen.tracing import Expression, derivative, record, symbol, to_numpy
 from ruptfx.cohesion import CohesiveLaw
-from ruptfx.faults.projection import parameters_as_symbols
+from ruptfx.faults.projection import CohesiveStrength, parameters_as_symbols
 
 if TYPE_CHECKING:
-    from ruptfx.faults.fault import Fault
-    from ruptfx.state import FaultState
+    pass
 
 STATE = {"damage": "1", "largest_opening": "m", "damaging_slip": "m"}
 """Fields of every point, and their units; the slip is the whole way, whatever its direction."""
@@ -89,37 +88,6 @@ class TracedCohesion:
         return CohesiveStrength(self.law.f_t * left, self.law.c * left, opening, compliance)
 
 
-@dataclass(frozen=True)
-class CohesiveStrength:
-    """Cohesive strength of the points in a step.
-
-    Attributes
-    ----------
-    tension, shear : ndarray, shape (n,)
-        Largest tension, and shear strength beyond friction [Pa].
-    opening : ndarray, shape (n,)
-        Largest so far [m].
-    compliance : ndarray, shape (n,)
-        Opening per trial tension beyond the carried one [m/Pa].
-    """
-
-    tension: np.ndarray
-    shear: np.ndarray
-    opening: np.ndarray
-    compliance: np.ndarray
-
-    @property
-    def intact(self) -> np.ndarray:
-        """Mask of the points that have cohesive strength, shape (n,)."""
-        return (self.tension > 0) | (self.shear > 0)
-
-    def normal_stress(self, trial: np.ndarray) -> np.ndarray:
-        """Return the admissible normal stress for a trial one, compression positive [Pa]."""
-        with np.errstate(all="ignore"):
-            secant = np.where(self.tension > 0, self.tension / (self.tension + self.opening / self.compliance), 0.0)
-        return np.where(trial > 0, trial, 0.0 - np.minimum(self.tension, -trial * secant))
-
-
 def stored(state: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the energy that open points would release by closing, T w / 2 [J/m2], shape (n,)."""
     return np.asarray(0.5 * np.maximum(-state["normal_stress"], 0.0) * state["opening"])
@@ -141,21 +109,3 @@ class Losses:
     shear: np.ndarray
     tension: np.ndarray
     met: np.ndarray
-
-
-def losses(fault: Fault, old: FaultState, new: FaultState, since: float) -> Losses:
-    """Return what cohesion takes in a step of the length `since` [s] that ends with the traction."""
-    law = fault.cohesion
-    assert law is not None
-    shares = []
-    for fields in (old, new):
-        traction = fault.components(fields, "shear_traction")
-        bond, size = law.left_strength(fields["damage"]), np.linalg.norm(traction, axis=1)
-        shares.append(np.where(size > bond, bond / np.where(size > 0, size, 1.0), 1.0)[:, None] * traction)
-    rates = [fault.components(fields, "mean_slip_rate") for fields in (old, new)]
-    shear = np.asarray(fault.contact.dissipated(*shares, *rates)).sum(axis=1) * since
-    opened = -0.5 * (old["normal_stress"] + new["normal_stress"]) * (new["opening"] - old["opening"])
-    work = opened - (stored(new) - stored(old))
-    work = np.where(fault.interface.touches(np.zeros_like(work)), work, 0.0)  # not where a point lost its partner
-    pressed = (old["normal_stress"] > 0) | (new["normal_stress"] > 0)
-    return Losses(shear, np.where(pressed, 0.0, work), np.where(pressed, work, 0.0))

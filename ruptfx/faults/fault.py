@@ -11,7 +11,7 @@ import numpy as np
 from ruptfx.cohesion import CohesiveLaw
 from ruptfx.contact import ContactMethod, Way
 from ruptfx.faults import cohesive_interface
-from ruptfx.faults.cohesive_interface import TracedCohesion
+from ruptfx.faults.cohesive_interface import Losses, TracedCohesion
 from ruptfx.faults.interface import Interface
 from ruptfx.faults.projection import TracedLaw, explain, least_strength
 from ruptfx.fields import FIELDS, MONITORS, component_names
@@ -199,6 +199,23 @@ class Fault:
             now = now + cohesive_interface.stored(state)
         area = face.owned * face.weight
         return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
+
+    def cohesive_losses(self, old: FaultState, new: FaultState, since: float) -> Losses:
+        """Return what cohesion takes in a step of the length `since` [s] that ends with the traction."""
+        law = self.cohesion
+        assert law is not None
+        shares = []
+        for fields in (old, new):
+            traction = self.components(fields, "shear_traction")
+            bond, size = law.left_strength(fields["damage"]), np.linalg.norm(traction, axis=1)
+            shares.append(np.where(size > bond, bond / np.where(size > 0, size, 1.0), 1.0)[:, None] * traction)
+        rates = [self.components(fields, "mean_slip_rate") for fields in (old, new)]
+        shear = np.asarray(self.contact.dissipated(*shares, *rates)).sum(axis=1) * since
+        opened = -0.5 * (old["normal_stress"] + new["normal_stress"]) * (new["opening"] - old["opening"])
+        work = opened - (cohesive_interface.stored(new) - cohesive_interface.stored(old))
+        work = np.where(self.interface.touches(np.zeros_like(work)), work, 0.0)  # not where a point lost its partner
+        pressed = (old["normal_stress"] > 0) | (new["normal_stress"] > 0)
+        return Losses(shear, np.where(pressed, 0.0, work), np.where(pressed, work, 0.0))
 
     def assemble(self, change: np.ndarray, out: np.ndarray) -> None:
         """Add to `out` the force J' W T - J_0' W T_0 of the interface on the bodies beyond its initial stress.

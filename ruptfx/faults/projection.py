@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,15 +29,43 @@ from ruptfx.fields import Array
 from ruptfx.friction import AT_REST, FrictionLaw
 from ruptfx.schema import Part
 
-if TYPE_CHECKING:
-    from ruptfx.faults.cohesive_interface import CohesiveStrength
-
 TOLERANCE = 1e-13  # of the trial traction
 BALANCED = 1e-9  # of the trial traction: residual accepted if V has no more significant bits
 MAX_ITERATIONS = 100
 BISECT_EVERY = 8
 OVERFLOW = 1e50  # Pa
 FOR_EVER = 1e9  # steps, after which the state is that of steady sliding
+
+
+@dataclass(frozen=True)
+class CohesiveStrength:
+    """Cohesive strength of the points in a step.
+
+    Attributes
+    ----------
+    tension, shear : ndarray, shape (n,)
+        Largest tension, and shear strength beyond friction [Pa].
+    opening : ndarray, shape (n,)
+        Largest so far [m].
+    compliance : ndarray, shape (n,)
+        Opening per trial tension beyond the carried one [m/Pa].
+    """
+
+    tension: np.ndarray
+    shear: np.ndarray
+    opening: np.ndarray
+    compliance: np.ndarray
+
+    @property
+    def intact(self) -> np.ndarray:
+        """Mask of the points that have cohesive strength, shape (n,)."""
+        return (self.tension > 0) | (self.shear > 0)
+
+    def normal_stress(self, trial: np.ndarray) -> np.ndarray:
+        """Return the admissible normal stress for a trial one, compression positive [Pa]."""
+        with np.errstate(all="ignore"):
+            secant = np.where(self.tension > 0, self.tension / (self.tension + self.opening / self.compliance), 0.0)
+        return np.where(trial > 0, trial, 0.0 - np.minimum(self.tension, -trial * secant))
 
 
 def parameters_as_symbols(part: Part, prefix: str) -> tuple[Table, Array]:

@@ -47,7 +47,7 @@ from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.response import FaultResponse
 from ruptfx.implicit.solution import Rates, Solution
 from ruptfx.implicit.solvers import NewtonSolver
-from ruptfx.implicit.step import MAX_OUTER, Step
+from ruptfx.implicit.step import MAX_OUTER, Step, Terms
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.mechanisms import responding
 from ruptfx.platform import parallel
@@ -65,7 +65,7 @@ EASINGS = (1.0, 0.1, 0.01)
 SETTLED, MOST_FACINGS = 1e-4, 10
 
 
-class Equilibrium:
+class Equilibrium(Terms):
     """Solver for the displacement at the end of a step.
 
     Parameters

@@ -33,12 +33,11 @@ from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.condensed import Condensed, blockwise_product, traction_change
 from ruptfx.implicit.solution import Solution
 from ruptfx.implicit.solvers import TOLERANCE
-from ruptfx.implicit.step import FAR, Step
+from ruptfx.implicit.step import FAR, Step, Terms
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.implicit.compliance import Compliance, Jumps
-    from ruptfx.implicit.equilibrium import Equilibrium
     from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
@@ -104,11 +103,11 @@ class InterfaceSteps:
 
     Parameters
     ----------
-    equilibrium : Equilibrium
+    equilibrium : Terms
     solver : Condensed
     """
 
-    def __init__(self, equilibrium: Equilibrium, solver: Condensed) -> None:
+    def __init__(self, equilibrium: Terms, solver: Condensed) -> None:
         self._equilibrium, self._solver, self._model = equilibrium, solver, equilibrium.model
         self._load_paths = list(self._all_load_paths())
         self._log = logging.getLogger("ruptfx.run")

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.codegen.tracing import constant, symbol
-from ruptfx.faults import cohesive_interface
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.point_code import FAILURE, PointCode
 from ruptfx.faults.points import Clock, closed_and_stuck, frictional_power
@@ -166,7 +165,7 @@ class FaultResponse:
         rigid = fault.contact.stiffness()[0] == 0 and not fault.slides  # normal
         impact = -float(area @ (pressure * (new["opening"] - old["opening"]))) if rigid else 0.0
         if fault.cohesion is not None:
-            losses = cohesive_interface.losses(fault, old, new, dt)
+            losses = fault.cohesive_losses(old, new, dt)
             shear = float(area @ losses.shear)
             dissipated, fractured = dissipated - shear, shear + float(area @ losses.tension)
             state.energy["fracture"] += fractured

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -86,7 +87,7 @@ class Solution:
     outer: int
     residuals: list[float]
     scale: float
-    _answers: dict[str, FaultResponse] = field(repr=False, default_factory=dict)
+    _answers: Mapping[str, FaultResponse] = field(repr=False, default_factory=dict)
     tangents: dict[str, np.ndarray] = field(repr=False, default_factory=dict)
     begun: np.ndarray | None = None
     pairing_changes: list[float] = field(default_factory=list)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -16,11 +16,41 @@ from ruptfx.platform import parallel
 from ruptfx.state import FaultState, State
 
 if TYPE_CHECKING:
-    from ruptfx.implicit.equilibrium import Equilibrium
-
+    from ruptfx.faults.interface import Interface
+    from ruptfx.implicit.forces import Forces
+    from ruptfx.implicit.response import FaultResponse
+    from ruptfx.implicit.tangent import Tangent
+    from ruptfx.mechanisms._system import System
 
 MAX_OUTER = 100
 FAR = 1e-7  # largest residual by rounding of displacements, over the forces
+
+
+class Terms(Protocol):
+    """What the residual of every step consists of.
+
+    Attributes
+    ----------
+    answers : dict of str to FaultResponse
+        Tractions for a jump, by fault.
+    easings : tuple of float
+        Factors of the penalty of multipliers, to be tried in turn.
+    driven : ndarray of bool, shape (nodes * components,)
+        Mask of the prescribed displacements.
+    mechanisms : list of Mechanism
+        Those with forces that depend on the displacement.
+    """
+
+    model: System
+    answers: Mapping[str, FaultResponse]
+    easings: tuple[float, ...]
+    driven: np.ndarray
+    forces: Forces
+    tangent: Tangent
+    mechanisms: Sequence[Mechanism]
+
+    def body_stiffness(self, interface: Interface, rates: Rates | None) -> np.ndarray:
+        """Return the stiffness of the bodies at the points of an interface."""
 
 
 class Step:
@@ -41,7 +71,7 @@ class Step:
     """
 
     def __init__(
-        self, equilibrium: Equilibrium, state: State, dt: float, rates: Rates | None, load: np.ndarray, easing: float
+        self, equilibrium: Terms, state: State, dt: float, rates: Rates | None, load: np.ndarray, easing: float
     ) -> None:
         self._equilibrium, self._state = equilibrium, state
         self.dt, self.time, self.rates, self._load = dt, state.time + dt, rates, load

@@ -15,7 +15,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -34,7 +34,6 @@ from ruptfx.results.run_files import seal as _seal
 if TYPE_CHECKING:
     from ruptfx.mechanisms import Rows
     from ruptfx.model import Model
-    from ruptfx.recording.recorder import Recorder
     from ruptfx.state import State
 
 FOLDER = directories.CHECKPOINTS
@@ -58,18 +57,37 @@ class Keeper(Protocol):
         """Restore the data from such a table, which every rank receives."""
 
 
+class Files(Protocol):
+    """What writes the histories of a run."""
+
+    out: Path
+    """The run directory."""
+
+    def sync_bodies(self, state: State) -> None:
+        """Bring what the steps have left undone in the bodies up to date; collective."""
+
+    def collect(self) -> None:
+        """Gather what instruments keep on their ranks; collective."""
+
+    def meet(self, write: Callable[[], None]) -> None:
+        """Write this, too, and wait for all ranks; raise on all of them if one fails; collective."""
+
+    def reopen(self) -> list[Path]:
+        """Write all data in memory; return the history files of this rank, which may then be copied."""
+
+
 class Checkpoints:
     """Writes the checkpoints of a run when they are due.
 
     Parameters
     ----------
     model : Model
-    recorder : Recorder
+    recorder : Files
     keepers : dict of str to Keeper
         All objects with such data, by their names in a checkpoint.
     """
 
-    def __init__(self, model: Model, recorder: Recorder, keepers: Mapping[str, Keeper]) -> None:
+    def __init__(self, model: Model, recorder: Files, keepers: Mapping[str, Keeper]) -> None:
         self._model, self._recorder, self._keepers = model, recorder, keepers
         self._minutes, self._steps = model.case.output.checkpoint_minutes, model.case.output.checkpoint_steps
         self._last = time.monotonic()

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from ruptfx.results import summary_fields
 from ruptfx.schema import Alternative, Part, first_line, unit_of
 
-if TYPE_CHECKING:
-    from ruptfx.record import Record
-
 PICTURE = 560  # largest width and height of a picture [pixels]; those of the run directory are larger
 MOST_NUMBERS = 6  # largest number of entries shown of a list
+
+
+class Shown(Protocol):
+    """What is shown of a record."""
+
+    @property
+    def summary(self) -> Mapping[str, object] | None:
+        """Scalars of the run; none before its end."""
+
+    @property
+    def figures(self) -> Sequence[Path]:
+        """Files of its pictures."""
 
 
 def shown_part(part: Part) -> str:
@@ -64,7 +73,7 @@ def _shown(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def shown_record(record: Record) -> str:
+def shown_record(record: Shown) -> str:
     """Return a record as HTML: its content, its numbers, and small pictures."""
     rows = []
     for name, value in (record.summary or {}).items():

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from ruptfx import analysis
+UNITS_OF_FRACTURE = {
+    "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
+    "failed_length": "m",
+}
+UNITS_OF_SURFACES = {"moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s"}
+UNITS = {
+    "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
+    "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
+    "first_sliding": "s", "healing_time": "s", **UNITS_OF_FRACTURE, **UNITS_OF_SURFACES,
+}  # units of the summary; every other entry is a name or a pure number
 
 DESCRIPTIONS = {
     "mode": "Sliding mode: crack, pulse, train, mixed, arrested, none or not resolved.",
@@ -92,4 +101,4 @@ _UNITS = {"wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s"}
 
 def unit(name: str) -> str:
     """Return the unit of a field, empty for names and pure numbers."""
-    return (analysis.UNITS | _UNITS).get(name, "")
+    return (UNITS | _UNITS).get(name, "")

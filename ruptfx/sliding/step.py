@@ -186,7 +186,7 @@ class SlidingStep:
         fault, n = self.fault, len(self._area)
         kept = self._sum(cohesive_interface.stored(state) - cohesive_interface.stored(old))
         if not self._rigid:
-            losses = cohesive_interface.losses(fault, old, state, self.clock.since)
+            losses = fault.cohesive_losses(old, state, self.clock.since)
             tension = self._sum(losses.tension)
             self._opened, self._fractured = tension + kept, self._sum(losses.shear) + tension
             return 0.0  # it is not in what the points have counted as friction

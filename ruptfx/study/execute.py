@@ -15,7 +15,9 @@ from ruptfx.platform import launch
 from ruptfx.platform.progress import Progress
 from ruptfx.results.run_files import write_json
 from ruptfx.study import refine, search, table, workers
+from ruptfx.study.count import Count
 from ruptfx.study.definition import Point, Study
+from ruptfx.study.scored import ScoredSet
 from ruptfx.study.store import Result, Store, commit, workspace
 
 
@@ -33,7 +35,7 @@ class Outcome:
     """
 
     points: list[tuple[Point, Result]] = field(default_factory=list)
-    sets: list[search.ScoredSet] = field(default_factory=list)
+    sets: list[ScoredSet] = field(default_factory=list)
     fine: dict[str, Result] = field(default_factory=dict)
     known_before: int = 0
     files: list[Path] = field(default_factory=list)
@@ -272,49 +274,3 @@ def _stoppable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-class Count:
-    """Progress display: total, finished and failed points.
-
-    Parameters
-    ----------
-    progress : Progress
-    title : str
-
-    Attributes
-    ----------
-    note : str
-        Text after the numbers.
-    """
-
-    def __init__(self, progress: Progress, title: str) -> None:
-        self._progress, self._title = progress, title
-        self._added = self._expected = self._done = self._failed = 0
-        self.note = ""
-
-    @property
-    def _total(self) -> int:
-        return max(self._added, self._expected)
-
-    def expect(self, count: int) -> None:
-        """Set the total number of points if they are added in portions."""
-        self._expected = count
-
-    def add(self, count: int, known: Sequence[Result]) -> None:
-        """Add points, some of them with known results."""
-        self._added += count
-        for result in known:
-            self._count(result)
-
-    def finished(self, result: Result) -> None:
-        """Count a finished point."""
-        self._count(result)
-        self._progress.update(
-            (self._done + self._failed) / self._total,
-            f"{self._title}: {self._total} points, {self._done} done, {self._failed} failed{self.note}",
-        )
-
-    def _count(self, result: Result) -> None:
-        failed = result["status"] == "failed"
-        self._failed, self._done = self._failed + failed, self._done + (not failed)

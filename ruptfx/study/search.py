@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,41 +19,15 @@ import tomli_w
 from ruptfx import RuptfxError, Table
 from ruptfx.study.definition import Axis, Point, Study
 from ruptfx.study.goals import Search
-from ruptfx.study.store import Result
+from ruptfx.study.scored import Runs, ScoredSet
 from ruptfx.study.table import Row, write_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.study.execute import Count
+    from ruptfx.study.count import Count
 
-Runs = list[tuple[Point, Result]]
 BEST, APART = 4, 0.1  # number of sets in best.toml, and their smallest RMS distance in parts of the ranges
-
-
-@dataclass(frozen=True)
-class ScoredSet:
-    """One set of constants with the results of its runs.
-
-    Attributes
-    ----------
-    number, generation : int
-        Indices from 0, in the order of the search.
-    sample : dict of float
-        Value of every axis that has a range.
-    runs : list of (Point, Result)
-        Its runs, one for every combination of the other axes.
-    degrees : dict of float
-        Degree of each run, by its name (`name_of`).
-    score : float
-    """
-
-    number: int
-    generation: int
-    sample: dict[str, float]
-    runs: Runs = field(repr=False)
-    degrees: dict[str, float]
-    score: float
 
 
 def find_best(study: Study, run: Callable[[list[Point]], Runs], count: Count) -> list[ScoredSet]:

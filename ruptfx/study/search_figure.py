@@ -17,7 +17,7 @@ from ruptfx.figure_style import MUTED, WIDTH, letter, new_figure, styled
 from ruptfx.study.definition import Study
 
 if TYPE_CHECKING:
-    from ruptfx.study.search import ScoredSet
+    from ruptfx.study.scored import ScoredSet
 
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 MAP = matplotlib.colormaps["viridis_r"]

@@ -21,7 +21,6 @@ pytest.importorskip("dolfinx")
 from ruptfx.codegen import native
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.contact import Point
-from ruptfx.faults.cohesive_interface import losses
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.fault_step import FaultStep, impedances
 from ruptfx.faults.interface import Interface, Line
@@ -141,7 +140,7 @@ def steps_agree(
             found = advance_settled(fault, law, before, displacement, untouched, inverse, clock, step * dt, threshold)
             torn = found.fractured * (clock.since if law.at_end else clock.kick)
             if law.at_end:
-                torn = torn + losses(fault, before, theirs, clock.since).tension
+                torn = torn + fault.cohesive_losses(before, theirs, clock.since).tension
             torn = float((fault.interface.owned * fault.interface.weight) @ torn)
             whole = float(np.max(fault.cohesion.G_Ic)) * fault.interface.weight.sum()
             compare(np.array([compiled[step].fractured(ours, mine, None)]), np.array([torn]), typical + whole)
