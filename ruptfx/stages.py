@@ -40,6 +40,11 @@ def bind(model: Model) -> Motion:
     return Staged(model) if model.case.stages else model.case.stepper.bind(model)
 
 
+def loads_of(model: Model, motion: Motion) -> list[tuple[float, Loads]]:
+    """Return the loads of every stage and when it ends [s]; without stages those of the run."""
+    return motion.ends if isinstance(motion, Staged) else [(model.case.duration, model.loads)]
+
+
 class Staged:
     """Stepper of a case through its stages; a fixed step is the smallest that the stages allow.
 

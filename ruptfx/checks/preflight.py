@@ -11,10 +11,9 @@ import numpy as np
 
 from ruptfx import fem, stages
 from ruptfx.analysis import fracture
-from ruptfx.boundaries import Boundary, EdgeBoundary
-from ruptfx.boundaries._history import Samples
 from ruptfx.case import Case
 from ruptfx.checks.cost import available, counts, measured, need_memory, rehearse
+from ruptfx.checks.loads import load_rows
 from ruptfx.mechanisms._check_table import Plan, Row
 from ruptfx.mechanisms._plausibility import doubts, row_of
 from ruptfx.model import Model
@@ -25,7 +24,6 @@ from ruptfx.steppers import Motion, leapfrog
 from ruptfx.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
-LONG_AFTER = 100  # times the duration of the run: samples that end later are probably not in seconds
 
 
 def preflight(case: Case) -> Iterator[Row]:
@@ -62,9 +60,8 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
     else:
         yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
-    yield from _load_rows(case)
-    ends = motion.ends if isinstance(motion, stages.Staged) else [(case.duration, model.loads)]
-    plan = Plan(motion.dt, steps, stable, ends)
+    yield from load_rows(case)
+    plan = Plan(motion.dt, steps, stable, stages.loads_of(model, motion))
     for each in model.mechanisms:
         yield from each.check(plan)
     if case.instruments:
@@ -138,41 +135,6 @@ def _pairing(model: Model) -> Iterator[Row]:
             "exists: Coulomb friction is ill-posed at any coefficient; use normal-stress memory (prakash_clifton)",
             "ok" if _remembers(model) else "warning",
         )  # fmt: skip
-
-
-def _load_rows(case: Case) -> Iterator[Row]:
-    """Yield the number of samples of boundaries in time, and the range that the run uses."""
-    given = [("boundaries", case.boundaries, case.duration)]
-    if case.stages:
-        given = [
-            ("boundaries", case.boundaries, stage.duration) if stage.boundaries is None else
-            (f"stages.{number}.boundaries", stage.boundaries, stage.duration)
-            for number, stage in enumerate(case.stages)
-        ]  # fmt: skip
-    for key, boundaries, end in given:
-        for number, boundary in enumerate(boundaries):
-            if boundary.samples is not None:
-                yield _samples_row(f"{key}.{number}: samples", boundary, boundary.samples, end)
-
-
-def _samples_row(quantity: str, boundary: Boundary, samples: Samples, end: float) -> Row:
-    first, last = samples.times[0], samples.times[-1]
-    low, high = samples.until(end)
-    unit = "" if samples.unit == "1" else f" {samples.unit}"
-    where = f"{boundary.kind()}, {boundary.edge}" if isinstance(boundary, EdgeBoundary) else boundary.kind()
-    if samples.file:
-        where += f", {samples.file}"
-    note = f"{where}: {first:.4g} to {last:.4g} s; the run sees {low:.4g} to {high:.4g}{unit} in {end:.4g} s"
-    if last > LONG_AFTER * end:
-        note += f"; they end {last / end:.3g} times later than the run: are the times in SI units? A header such as " \
-                "'time (us)' says so"
-    elif first >= end:
-        note += "; the run ends before the first: a longer duration, or earlier times"
-    elif last < end * (1 - 1e-9) and not samples.held:
-        note += "; they end before the run, and not at rest: more samples, or a shorter duration"
-    else:
-        return Row(quantity, len(samples.times), "", note)
-    return Row(quantity, len(samples.times), "", note, "warning")
 
 
 def _cost(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Iterator[Row]:
