@@ -22,7 +22,6 @@ from ruptfx import RuptfxError
 from ruptfx.figure_style import WIDTH, Array, NotebookFigure, blank_figure, known_unit, letter, note, remark, scale
 from ruptfx.figure_style import style as house_style
 from ruptfx.input.quantities import factor
-from ruptfx.record import Files
 from ruptfx.schema import nearest
 
 Window = Sequence[float | None]
@@ -37,7 +36,7 @@ SHARED = {
     "times": ("(float, float), optional", "First and last time to use [s]; None is that of the run."),
     "at": ("float or sequence of float, optional", "Times of panels or lines [s]; the nearest saved ones are used."),
     "x": ("(float, float), optional", "First and last position to use [m]; None is that of the run."),
-    "field": ("str or sequence of str, optional", "What to draw: "),
+    "field": ("str or sequence of str, optional", "What to draw."),
     "units": ("dict of str to str, optional",
               'Units on the axes by quantity, such as ``{"time": "ms", "x": "mm"}``. Default: readable ones.'),
 }  # fmt: skip
@@ -255,14 +254,17 @@ def _public(draw: Callable[..., None], times: bool) -> Callable[..., Any]:
     named = [each.name for each in public[1:]]
     title = draw.__name__
 
+    signature = inspect.Signature(public, return_annotation="Axes | Panels")
+
     @wraps(draw)
-    def drawn(record: Files, ax: Axes | None = None, **options: Any) -> Axes | Panels:
+    def drawn(*given: Any, **options: Any) -> Axes | Panels:
         for name in options:
-            if name not in named:
+            if name not in ("record", *named):
                 raise RuptfxError(f"plots.{title}: it takes {', '.join(named[:-1])} and {named[-1]}, not {name}")
-        between, wanted = options.pop("times", None), options.pop("units", None)
+        options = signature.bind(*given, **options).arguments
+        record, between, wanted = options.pop("record"), options.pop("times", None), options.pop("units", None)
         with house_style():
-            sheet = Sheet(title, ax, wanted)
+            sheet = Sheet(title, options.pop("ax", None), wanted)
             if between is None:
                 draw(sheet, record, **options)
             else:
@@ -270,7 +272,9 @@ def _public(draw: Callable[..., None], times: bool) -> Callable[..., Any]:
                     draw(sheet, part, **options)
             return sheet.finish()
 
-    drawn.__signature__ = inspect.Signature(public, return_annotation="Axes | Panels")  # type: ignore[attr-defined]
+    # The site reads defaults from the source, and that of `draw` does not have them all.
+    del drawn.__wrapped__
+    drawn.__signature__ = signature  # type: ignore[attr-defined]
     drawn.__doc__ = _documented(inspect.getdoc(draw) or "", [each.name for each in public])
     return drawn
 
@@ -296,7 +300,7 @@ def pair(title: str, name: str, window: Window) -> tuple[float | None, float | N
 def _documented(text: str, names: list[str]) -> str:
     """Return a docstring with the parameters that figures share, in the order of the signature."""
     head, _, own = text.partition("\n\nParameters\n----------\n")
-    described = dict(re.findall(r"^(\w+)(?: : .*)\n((?:    .*\n?)*)", own, re.M))
+    described = dict(re.findall(r"^(\w+)(?: : .*)?\n((?:    .*\n?)*)", own, re.M))
     types = dict(re.findall(r"^(\w+) : (.*)$", own, re.M))
     rows = []
     for name in names:

@@ -133,6 +133,7 @@ def test_arguments_are_described_and_others_refused(name, records):
     known, record = arguments(name), fitting(name, records)[0]
     for each in known:
         assert re.search(rf"^{each} : .+\n    \S", plots.FIGURES[name].__doc__, re.M), each
+    assert SHARED["field"][1] not in plots.FIGURES[name].__doc__  # each figure has its own
     for other in {*SHARED, "colour"} - set(known):
         with pytest.raises(RuptfxError, match=rf"plots\.{name}: it takes ax") as raised:
             plots.FIGURES[name](record, **{other: EXAMPLES.get(other)})
