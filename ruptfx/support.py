@@ -331,7 +331,7 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
     keys = tuple(key for key in choices if key.startswith("attachments."))
     if keys and not stepper.attachments:
-        reason = f"acts on the bodies, for whose motion stepper.kind = '{stepper.kind()}' has no unknowns"
+        reason = f"acts on the bodies, and stepper.kind = '{stepper.kind()}' solves for slip alone"
         yield Refusal(keys, reason, (("stepper",),), (keys,))
         return
     for key in keys:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ruptfx import RuptfxError, plots
+from ruptfx.plots import _sheet
 from ruptfx.record import Record, RecordError
 from ruptfx.schema import own_kinds
 
@@ -133,7 +134,7 @@ def test_arguments_are_described_and_others_refused(name, records):
     known, record = arguments(name), fitting(name, records)[0]
     for each in known:
         assert re.search(rf"^{each} : .+\n    \S", plots.FIGURES[name].__doc__, re.M), each
-    assert SHARED["field"][1] not in plots.FIGURES[name].__doc__  # each figure has its own
+    assert _sheet.SHARED["field"][1] not in plots.FIGURES[name].__doc__  # each figure has its own
     for other in {*SHARED, "colour"} - set(known):
         with pytest.raises(RuptfxError, match=rf"plots\.{name}: it takes ax") as raised:
             plots.FIGURES[name](record, **{other: EXAMPLES.get(other)})
