@@ -183,5 +183,6 @@ def open_for_work() -> None:
 
 def _report_errors(wanted: bool) -> None:
     """Switch the error reports of dask on standard error on or off."""
-    for name in ("distributed.worker", "distributed.worker.state_machine"):
+    # tornado: a call that Ctrl-C interrupts at once is cancelled before it has begun; distributed does not expect that.
+    for name in ("distributed.worker", "distributed.worker.state_machine", "tornado.application"):
         logging.getLogger(name).disabled = not wanted
