@@ -27,7 +27,7 @@ FAR = 1e-7  # largest residual by rounding of displacements, over the forces
 
 
 class Terms(Protocol):
-    """What the residual of every step consists of.
+    """Parts of the residual that all steps have in common.
 
     Attributes
     ----------

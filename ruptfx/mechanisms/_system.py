@@ -77,11 +77,11 @@ class StepperTable(Protocol):
 
     @property
     def inertia(self) -> bool:
-        """Whether it solves the equation of motion."""
+        """True if it solves the equation of motion."""
 
     @property
     def adaptive(self) -> bool:
-        """Whether its steps vary."""
+        """True if its steps vary."""
 
 
 class CaseTables(Protocol):

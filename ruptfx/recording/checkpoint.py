@@ -58,7 +58,7 @@ class Keeper(Protocol):
 
 
 class Files(Protocol):
-    """What writes the histories of a run."""
+    """Writer of the histories of a run."""
 
     out: Path
     """The run directory."""

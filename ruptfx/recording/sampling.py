@@ -178,7 +178,7 @@ class Samples:
 
     @property
     def reads_bodies(self) -> bool:
-        """Whether an instrument reads displacement or velocity of the bodies at every step."""
+        """True if an instrument reads displacement or velocity of the bodies at every step."""
         return bool(self.instruments and self._nodal)
 
     def observe(self, state: State) -> None:

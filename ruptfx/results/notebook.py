@@ -17,7 +17,7 @@ MOST_NUMBERS = 6  # largest number of entries shown of a list
 
 
 class Shown(Protocol):
-    """What is shown of a record."""
+    """Contract of a record that is shown."""
 
     @property
     def summary(self) -> Mapping[str, object] | None:
