@@ -20,14 +20,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import ruptfx
+from benchmarks._stuck import added_shear_forces
 from ruptfx import fem
 from ruptfx.analysis.force_drops import averaged, drops
 from ruptfx.bench import Check, Outcome
-from ruptfx.case import Case, parse_case, read_case, read_toml
+from ruptfx.case import Case, read_case, read_toml
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.meshes.rough_plates import RoughPlates
-from ruptfx.model import Model
-from ruptfx.platform import parallel
 from ruptfx.record import Record
 from ruptfx.simulation import simulate
 from ruptfx.sliding.contact_states import SLIDING
@@ -91,31 +90,11 @@ def _stuck(comm: fem.MPI.Comm) -> tuple[float, np.ndarray]:
         Part of every point in the shear force that the motion adds.
     """
     table = read_toml(DEMO)
-    press, *_ = table.pop("stages")
-    *held, down = press["boundaries"]
+    press, *_ = table["stages"]
+    *_, down = press["boundaries"]
     way = down["velocity"] * press["duration"]
-    paths = {"y": [0.0, way, way], "x": [0.0, 0.0, MOTION]}
-    table |= {"duration": 2.0, "output": {"figures": False}, "boundaries": [
-        *(each for each in held if each["edge"] != down["edge"]),
-        *({"kind": "moved", "edge": down["edge"], "component": axis, "quantity": "displacement",
-           "times": [0.0, 1.0, 2.0], "values": path} for axis, path in paths.items()),
-    ], "stepper": {"kind": "quasi_static", "first_step": 0.1, "largest_step": 0.25}}  # fmt: skip
-    table["faults"]["main"] |= {
-        "contact": {"kind": "augmented_lagrangian"}, "friction": {"kind": "coulomb", "mu_d": 50.0},
-    }  # fmt: skip
-    case = parse_case(table)
-    assert isinstance(case, Case) and isinstance(case.mesh, RoughPlates)
-    model = Model(case, comm)
-    motion, state, face = case.stepper.bind(model), model.initial_state(), model.faults[0].interface
-    shear = state.faults["main"]["shear_traction"]
-    pressed = shear.copy()
-    while state.time < case.duration * (1 - 1e-9):
-        motion.step(state)
-        if state.time < 0.5 * case.duration * (1 + 1e-9):
-            pressed = shear.copy()
-    added = np.zeros(face.total)
-    added[face.number] = face.owned * face.weight * (shear - pressed)
-    added = parallel.total(comm, added)
+    added, case = added_shear_forces(table, way, ("upper.top", MOTION), (0.1, 0.25), comm)
+    assert isinstance(case.mesh, RoughPlates)
     return float(added.sum()) / MOTION / case.mesh.upper.length, added / added.sum()
 
 

@@ -32,12 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from benchmarks._stuck import added_shear_forces
 from ruptfx import Table, fem
 from ruptfx.analysis.force_drops import Drop, averaged, drops
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
-from ruptfx.platform import parallel
 from ruptfx.record import Record
 from ruptfx.simulation import simulate
 from ruptfx.sliding.contact_states import SLIDING
@@ -373,32 +372,10 @@ def slide(table: Table, comm: fem.MPI.Comm, paper: bool = False) -> Slid:
 
 def _stiffness(comm: fem.MPI.Comm) -> float:
     """Return shear force per motion of the lower side, of the same bodies in equilibrium, stuck [N/m per m]."""
+    far = 1e-6
     table = case_table(ONSET, 2 * COARSE)
-    way, far = DOWN * 0.5 * PRESSED, 1e-6
-    moved = {("upper.top", "y"): [0.0, way, way], ("lower.bottom", "x"): [0.0, 0.0, far]}
-    table["boundaries"] = [
-        {key: each[key] for key in ("edge", "component")} | {
-            "kind": "moved", "quantity": "displacement", "times": [0.0, 1.0, 2.0],
-            "values": moved.get((each["edge"], each["component"]), [0.0, 0.0, 0.0]),
-        }
-        for each in table.pop("stages")[0]["boundaries"]
-    ]  # fmt: skip
-    table["faults"]["main"] |= {
-        "contact": {"kind": "augmented_lagrangian"}, "friction": {"kind": "coulomb", "mu_d": 50.0},
-    }  # fmt: skip
-    table |= {"duration": 2.0, "output": {"figures": False},
-              "stepper": {"kind": "quasi_static", "first_step": 0.25, "largest_step": 0.5}}  # fmt: skip
-    case = parse_case(table)
-    assert isinstance(case, Case)
-    model = Model(case, comm)
-    motion, state, face = case.stepper.bind(model), model.initial_state(), model.faults[0].interface
-    shear = state.faults["main"]["shear_traction"]
-    pressed = shear.copy()
-    while state.time < case.duration * (1 - 1e-9):
-        motion.step(state)
-        if state.time < 1.0 + 1e-9:
-            pressed[:] = shear
-    return abs(float(parallel.total(comm, np.sum(face.owned * face.weight * (shear - pressed))))) / far
+    added, _ = added_shear_forces(table, 0.5 * DOWN * PRESSED, ("lower.bottom", far), (0.25, 0.5), comm)
+    return abs(float(added.sum())) / far
 
 
 def _draw(paper: Slid, whole: Slid, runs: dict[str, Slid]) -> Figure:
