@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
@@ -23,12 +23,13 @@ from ruptfx.cracks import AnyFracture
 from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.friction import AnyFriction
 from ruptfx.instruments import AnyInstrument
-from ruptfx.materials import AnyMaterial, Plane
+from ruptfx.materials import IN_PLANE, AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.misfits import AnyMisfit, Inference, Unknown
 from ruptfx.nucleation import AnyNucleation
 from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import (
+    Alternative,
     CaseError,
     Name,
     Part,
@@ -272,8 +273,91 @@ class Case(CaseFile):
                 problems.append(str(error))
         if problems:
             raise ValueError("\n".join(problems))
-        support.check(self)
+        support.check(self.choices(), self._shown)
+        for text in self._without_effect():
+            raise CaseError(text)
         return self
+
+    def choices(self) -> support.Choices:
+        """Return all parts of the case that some rule of `ruptfx.support` needs, by key."""
+        choices: dict[str, type[Part]] = {"stepper": type(self.stepper), support.PLANE + self.plane: type(self)}
+        choices |= {f"materials.{name}": type(material) for name, material in self.materials.items()}
+        for name, material in self.materials.items():
+            choices |= {f"materials.{name}.{key.partition('.')[0]}": type(self) for key in material.varying}
+        for name, fault in self.faults.items():
+            for field in ("contact", "cohesion", "sliding"):
+                if (part := getattr(fault, field)) is not None:
+                    choices[f"faults.{name}.{field}"] = type(part)
+            if fault.gap is not None:
+                choices[f"faults.{name}.gap"] = type(fault)
+        choices |= {key: type(boundary) for key, boundary in self.all_boundaries()}
+        choices |= {f"attachments.{number}": type(each) for number, each in enumerate(self.attachments)}
+        for key, damping in self.all_dampings():
+            fields = type(damping).model_fields.items()
+            given = (name for name, field in fields if getattr(damping, name) != field.default)
+            choices |= {f"{key}.{name}": type(damping) for name in given}
+        for name in ("fracture", "collisions"):
+            if (part := getattr(self, name)) is not None:
+                choices[name] = type(part)
+        given = (name for name in ("stages", "large_rotations", "objective") if getattr(self, name))
+        return choices | {name: type(self) for name in given}
+
+    def _shown(self, key: str) -> str:
+        """Return a key with its kind or its number as text, as in a case file."""
+        if key.startswith(support.PLANE):
+            return f"plane = '{key.removeprefix(support.PLANE)}'"
+        value: object = self
+        for name in key.split("."):
+            value = value[int(name)] if isinstance(value, list) else (
+                value[name] if isinstance(value, Mapping) else getattr(value, name)
+            )  # fmt: skip
+        if isinstance(value, Alternative):
+            return f"{key}.kind = '{value.kind()}'"
+        return f"{key} = {value:g}" if isinstance(value, float) else key
+
+    def _without_effect(self) -> Iterator[str]:
+        """Yield messages on keys that change nothing in the case, whatever its parts are."""
+        output, stop = self.output, self.stop_when
+        if self.plane not in IN_PLANE:
+            of_fringes = {
+                f"materials.{name}.fringe_constant": (material.fringe_constant, "N/m")
+                for name, material in self.materials.items()
+            }
+            for key, (value, unit) in {"output.plate_thickness": (output.plate_thickness, "m"), **of_fringes}.items():
+                if value is not None:
+                    yield (
+                        f"{key} = {value:g} {unit}: without effect, for fringes are of plates, and plane = "
+                        f"'{self.plane}'; remove it"
+                    )
+        yield from self._edges_named_twice()
+        if self.faults:
+            return
+        # A resolved case gives its defaults, too.
+        given = {
+            f"output.{name}": getattr(output, name) for name in ("rupture_threshold", "rupture_after")
+            if getattr(output, name) != type(output).model_fields[name].default
+        }  # fmt: skip
+        if stop is not None and stop.sliding_dead_for is not None:
+            given["stop_when.sliding_dead_for"] = stop.sliding_dead_for
+        for key, value in given.items():
+            yield f"{key} = {value:g}: without effect, for there is no interface ([faults.NAME]); remove it"
+
+    def _edges_named_twice(self) -> Iterator[str]:
+        """Yield messages on boundaries that add nothing to an edge on which another one acts."""
+        edges: dict[tuple[str, str], list[str]] = {}
+        idle = []
+        for key, boundary in self.all_boundaries():
+            edge = key.rpartition(".")[0], getattr(boundary, "edge", "")
+            edges.setdefault(edge, []).append(key)
+            if not boundary.acts:
+                idle.append((key, boundary.kind(), edge))
+        for key, kind, edge in idle:
+            others = [other for other in edges[edge] if other != key]
+            if others:
+                yield (
+                    f"{key}.kind = '{kind}': without effect, for {others[0]} acts on '{edge[1]}', too, and leaves free "
+                    "what it does not drive or load; remove this entry"
+                )
 
     def _check_forces(self) -> None:
         if self.output.forces_interval is not None and all(fault.sliding is None for fault in self.faults.values()):

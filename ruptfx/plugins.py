@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import sys
+import tomllib
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -23,11 +24,13 @@ from typing import NoReturn, Self
 import tomli_w
 from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
 
-from ruptfx import Table
+from ruptfx import RuptfxError, Table
+from ruptfx.results import run_files
 from ruptfx.schema import (
     Alternative,
     CaseError,
     Part,
+    check_tables,
     home,
     installed,
     kind_in,
@@ -372,6 +375,27 @@ class CaseFile(Part):
         if "plugins" in table:
             table["plugins"] = sorted([plugin.path.name, plugin.digest] for plugin in self.plugin_files())
         return hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()[:16]
+
+    def hash_in(self, directory: Path) -> str | None:
+        """Return the hash of the case of the run in a directory; None if unknown.
+
+        No code of the directory runs: a case is read only where its plug-ins are those of this one, which are loaded.
+        """
+        loaded = {(plugin.path.name, plugin.digest) for plugin in self.plugin_files()}
+        try:
+            table = tomllib.loads((directory / run_files.CASE).read_text(encoding="utf-8"))
+            sources = digests(directory, table.get("plugins", []))
+            if loaded.issuperset(sources) and table.get("kind") == self.table().get("kind"):
+                check_tables(table)
+                table.pop("kind", None)  # of a lumped model: its class
+                return type(self).model_validate(table, context={"directory": directory}).hash
+            return run_files.seal({**table, "plugins": sources} if sources else table)[:16]  # as `hash` of those tables
+        except (RuptfxError, OSError, ValueError, TypeError, RecursionError):  # not TOML, or not such a case
+            pass
+        try:
+            return str(json.loads((directory / run_files.SUMMARY).read_text())["case_hash"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
 
     def copied(self, directory: Path) -> Table:
         """Copy the plug-ins to `plugins` of a directory; return the tables with relative names of the copies."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 
 from ruptfx import RuptfxError
-from ruptfx.recording import directories
+from ruptfx.results import directories
 
 
 def begin(*outputs: str | Path) -> None:

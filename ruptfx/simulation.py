@@ -24,10 +24,10 @@ from ruptfx.platform import launch, parallel
 from ruptfx.platform.progress import Progress, working
 from ruptfx.platform.stopwatch import phase, restart
 from ruptfx.record import Files, Record
-from ruptfx.recording import directories, run_directory
+from ruptfx.recording import run_directory
 from ruptfx.recording.checkpoint import Checkpoint, Checkpoints
 from ruptfx.recording.recorder import Recorder, versions
-from ruptfx.results import run_files
+from ruptfx.results import directories, run_files
 from ruptfx.state import State
 from ruptfx.steppers import Motion
 from ruptfx.stopping import StopRules

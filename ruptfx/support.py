@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from ruptfx.attachments import Attachment
 from ruptfx.boundaries import Boundary
@@ -21,9 +21,6 @@ from ruptfx.materials import IN_PLANE, Material
 from ruptfx.schema import Alternative, CaseError, Part, alternatives
 from ruptfx.sliding import Sliding
 from ruptfx.steppers import Stepper
-
-if TYPE_CHECKING:
-    from ruptfx.case import Case
 
 FOLDERS = {
     "stepper": "ruptfx.steppers", "contact": "ruptfx.contact", "fracture": "ruptfx.cracks",
@@ -103,48 +100,28 @@ class UnsupportedError(CaseError):
         self.remedies = remedies
 
 
-def check(case: Case) -> None:
-    """Refuse parts of a case that do not work together, and keys without effect in it.
+def check(choices: Choices, shown: Callable[[str], str]) -> None:
+    """Refuse parts of a case that do not work together.
+
+    Parameters
+    ----------
+    choices : Choices
+        All parts of the case that some rule needs.
+    shown : callable
+        Returns a key with its kind or its number as text, as in the case.
 
     Raises
     ------
-    CaseError
+    UnsupportedError
         Names keys, values, the reason and what works in this case.
     """
-    choices = choices_of(case)
     refusals = tuple(refusals_of(choices))
     if refusals:
         found = remedies(choices, refusals)
-        reasons = (f"{', '.join(_shown(case, key) for key in refusal.keys)}: {refusal.reason}" for refusal in refusals)
+        reasons = (f"{', '.join(shown(key) for key in refusal.keys)}: {refusal.reason}" for refusal in refusals)
         hints = "; ".join(refusal.hint for refusal in refusals if refusal.hint)
         remedy = _in_words(found) or hints or "no other kind of one of them helps"
         raise UnsupportedError(f"{'; '.join(dict.fromkeys(reasons))}; {remedy}", found)
-    for text in without_effect(case):
-        raise CaseError(text)
-
-
-def choices_of(case: Case) -> Choices:
-    """Return all parts of a case that some rule needs."""
-    choices: dict[str, type[Part]] = {"stepper": type(case.stepper), PLANE + case.plane: type(case)}
-    choices |= {f"materials.{name}": type(material) for name, material in case.materials.items()}
-    for name, material in case.materials.items():
-        choices |= {f"materials.{name}.{key.partition('.')[0]}": type(case) for key in material.varying}
-    for name, fault in case.faults.items():
-        for field in ("contact", "cohesion", "sliding"):
-            if (part := getattr(fault, field)) is not None:
-                choices[f"faults.{name}.{field}"] = type(part)
-        if fault.gap is not None:
-            choices[f"faults.{name}.gap"] = type(fault)
-    choices |= {key: type(boundary) for key, boundary in case.all_boundaries()}
-    choices |= {f"attachments.{number}": type(each) for number, each in enumerate(case.attachments)}
-    for key, damping in case.all_dampings():
-        given = (name for name, field in type(damping).model_fields.items() if getattr(damping, name) != field.default)
-        choices |= {f"{key}.{name}": type(damping) for name in given}
-    for name in ("fracture", "collisions"):
-        if (part := getattr(case, name)) is not None:
-            choices[name] = type(part)
-    given = (name for name in ("stages", "large_rotations", "objective") if getattr(case, name))
-    return choices | {name: type(case) for name in given}
 
 
 def refusals_of(choices: Choices) -> Iterator[Refusal]:
@@ -447,70 +424,7 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
 )  # fmt: skip
 
 
-# -- keys without effect ---------------------------------------------------------------------------
-
-
-def without_effect(case: Case) -> Iterator[str]:
-    """Yield messages on keys that change nothing in a case, whatever its parts are."""
-    output, stop = case.output, case.stop_when
-    if case.plane not in IN_PLANE:
-        of_fringes = {
-            f"materials.{name}.fringe_constant": (material.fringe_constant, "N/m")
-            for name, material in case.materials.items()
-        }
-        for key, (value, unit) in {"output.plate_thickness": (output.plate_thickness, "m"), **of_fringes}.items():
-            if value is not None:
-                yield (
-                    f"{key} = {value:g} {unit}: without effect, for fringes are of plates, and plane = "
-                    f"'{case.plane}'; remove it"
-                )
-    yield from _edges_named_twice(case)
-    if case.faults:
-        return
-    # A resolved case gives its defaults, too.
-    given = {
-        f"output.{name}": getattr(output, name) for name in ("rupture_threshold", "rupture_after")
-        if getattr(output, name) != type(output).model_fields[name].default
-    }  # fmt: skip
-    if stop is not None and stop.sliding_dead_for is not None:
-        given["stop_when.sliding_dead_for"] = stop.sliding_dead_for
-    for key, value in given.items():
-        yield f"{key} = {value:g}: without effect, for there is no interface ([faults.NAME]); remove it"
-
-
-def _edges_named_twice(case: Case) -> Iterator[str]:
-    """Yield messages on boundaries that add nothing to an edge on which another one acts."""
-    edges: dict[tuple[str, str], list[str]] = {}
-    idle = []
-    for key, boundary in case.all_boundaries():
-        edge = key.rpartition(".")[0], getattr(boundary, "edge", "")
-        edges.setdefault(edge, []).append(key)
-        if not boundary.acts:
-            idle.append((key, boundary.kind(), edge))
-    for key, kind, edge in idle:
-        others = [other for other in edges[edge] if other != key]
-        if others:
-            yield (
-                f"{key}.kind = '{kind}': without effect, for {others[0]} acts on '{edge[1]}', too, and leaves free "
-                "what it does not drive or load; remove this entry"
-            )
-
-
 # -- words -----------------------------------------------------------------------------------------
-
-
-def _shown(case: Case, key: str) -> str:
-    """Return a key with its kind or its number as text, as in a case."""
-    if key.startswith(PLANE):
-        return f"plane = '{key.removeprefix(PLANE)}'"
-    value: object = case
-    for name in key.split("."):
-        value = value[int(name)] if isinstance(value, list) else (
-            value[name] if isinstance(value, Mapping) else getattr(value, name)
-        )  # fmt: skip
-    if isinstance(value, Alternative):
-        return f"{key}.kind = '{value.kind()}'"
-    return f"{key} = {value:g}" if isinstance(value, float) else key
 
 
 def _in_words(found: tuple[tuple[Change, ...], ...]) -> str:

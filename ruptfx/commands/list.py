@@ -24,7 +24,7 @@ def list(
     Example: ruptfx list runs --quick
     """
     with reported():
-        from ruptfx.recording.directories import NEW
+        from ruptfx.results.directories import NEW
 
         found = sorted(path.parent for path in directory.rglob("case.toml") if NEW not in path.parts)
         if not found:
@@ -75,7 +75,7 @@ def _size(run: Path) -> int:
 
 
 def _status(run: Path, complete: bool) -> str:
-    from ruptfx.recording.directories import LOCK, NEW
+    from ruptfx.results.directories import LOCK, NEW
 
     replaced = (run / NEW / "case.toml").is_file()
     try:

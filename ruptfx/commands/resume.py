@@ -25,8 +25,7 @@ def resume(
     with reported():
         if not (run / "case.toml").exists():
             raise RuptfxError(f"{run}: no run directory: it holds no case.toml")
-        from ruptfx.recording import directories
-        from ruptfx.results import run_files
+        from ruptfx.results import directories, run_files
 
         case = directories.unfinished(run) / "case.toml"
         run_files.check(case.parent, case.name)

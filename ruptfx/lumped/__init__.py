@@ -22,8 +22,8 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__
 from ruptfx.plugins import CaseFile, active, named
-from ruptfx.recording.directories import is_finished, prepare, refuse_links, replace, reserved
 from ruptfx.results import run_files
+from ruptfx.results.directories import is_finished, prepare, refuse_links, replace, reserved
 from ruptfx.schema import Alternative, Part, find, kinds
 
 if TYPE_CHECKING:

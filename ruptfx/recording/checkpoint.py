@@ -25,9 +25,8 @@ import numpy as np
 from ruptfx import RuptfxError, Table, __version__, fem
 from ruptfx.platform import parallel
 from ruptfx.platform.stopwatch import phase
-from ruptfx.recording import directories
 from ruptfx.recording.shared_file import SharedFile
-from ruptfx.results import run_files
+from ruptfx.results import directories, run_files
 from ruptfx.results.run_files import checksum as _checksum
 from ruptfx.results.run_files import seal as _seal
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ruptfx import RuptfxError
 from ruptfx.case import Case
-from ruptfx.recording import checkpoint, directories
-from ruptfx.results import run_files
+from ruptfx.recording import checkpoint
+from ruptfx.results import directories, run_files
 
 
 def extend(out: Path, before: Case, longer: Case) -> Case:

@@ -1,4 +1,4 @@
-"""The directory of a run on many ranks: the operations of `ruptfx.recording.directories`, on all of them or none."""
+"""The directory of a run on many ranks: the operations of `ruptfx.results.directories`, on all of them or none."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ruptfx.case import Case
 from ruptfx.platform import parallel
-from ruptfx.recording import directories
+from ruptfx.results import directories
 
 if TYPE_CHECKING:
     from ruptfx import fem

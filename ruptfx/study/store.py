@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Self
 
 from ruptfx import RuptfxError, Table
-from ruptfx.recording.directories import LOCK, reserved
+from ruptfx.results.directories import LOCK, reserved
 from ruptfx.results.run_files import write_json
 from ruptfx.study.definition import Study
 

@@ -27,8 +27,8 @@ from ruptfx import __version__
 from ruptfx.case import read_case
 from ruptfx.platform.launch import find_mpiexec
 from ruptfx.record import Record
-from ruptfx.recording import checkpoint, directories
-from ruptfx.results import run_files
+from ruptfx.recording import checkpoint
+from ruptfx.results import directories, run_files
 
 CHANGES = {"output.checkpoint_steps": 25, "output.interface_interval": 0.5e-6, "instruments": INSTRUMENTS}
 LIMIT = 120  # seconds; a deadlock looks like a slow run

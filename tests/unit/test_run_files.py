@@ -19,8 +19,7 @@ from typer.testing import CliRunner
 from ruptfx import RuptfxError
 from ruptfx.cli import app
 from ruptfx.record import Files, Record, RecordError
-from ruptfx.recording import directories
-from ruptfx.results import run_files
+from ruptfx.results import directories, run_files
 
 DEMOS = Path(__file__).parents[2] / "demos"
 NAMES = ("interface.h5", "bulk.h5", "instruments.h5", "energy.csv", "run.log")

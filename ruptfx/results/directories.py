@@ -7,24 +7,32 @@ files replace those listed in `files.json`; all others belong to the user and st
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import shutil
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Protocol
 
 from ruptfx import RuptfxError
-from ruptfx.case import read_case, read_toml
-from ruptfx.plugins import CaseFile, digests
 from ruptfx.results import run_files
 
 LOCK = ".lock"
 NEW = ".new"
 CHECKPOINTS = "checkpoints"
 FINAL = "final"  # the checkpoint of a complete run
+
+
+class RunCase(Protocol):
+    """The case of a run, as far as its directory depends on it."""
+
+    @property
+    def hash(self) -> str:
+        """Content hash, equal for cases of the same run."""
+
+    def hash_in(self, directory: Path) -> str | None:
+        """Return the hash of the case of the run in a directory; None if unknown."""
 
 
 @contextmanager
@@ -85,7 +93,7 @@ def _locked(out: Path) -> IO[str]:
     return file
 
 
-def is_finished(out: Path, case: CaseFile) -> bool:
+def is_finished(out: Path, case: RunCase) -> bool:
     """Return whether a directory contains the complete run of this case.
 
     Raises
@@ -94,10 +102,10 @@ def is_finished(out: Path, case: CaseFile) -> bool:
         If it contains a run of another case, or its case was changed.
     """
     end_replacement(out)
-    if _case_hash(out / NEW, case) == case.hash:
+    if case.hash_in(out / NEW) == case.hash:
         return False
     run_files.check(out, run_files.CASE)
-    found = _case_hash(out, case)
+    found = case.hash_in(out)
     if found not in (None, case.hash):
         raise RuptfxError(
             f"{out}: holds a run of case {found}, this is case {case.hash}; resume with its own case.toml and "
@@ -106,35 +114,9 @@ def is_finished(out: Path, case: CaseFile) -> bool:
     return (out / run_files.SUMMARY).exists()
 
 
-def _case_hash(out: Path, case: CaseFile) -> str | None:
-    """Return the hash of the case of the run in a directory; None if unknown.
-
-    No code of the directory runs: a case is read only where its plug-ins are those of `case`, which are loaded.
-
-    Parameters
-    ----------
-    out : Path
-    case : case
-        The case to be continued there.
-    """
-    loaded = {(plugin.path.name, plugin.digest) for plugin in case.plugin_files()}
-    try:
-        table = read_toml(out / run_files.CASE)
-        sources = digests(out, table.get("plugins", []))
-        if not loaded.issuperset(sources):
-            return run_files.seal({**table, "plugins": sources})[:16]  # as `CaseFile.hash` of resolved tables
-        return str(read_case(out / run_files.CASE).hash)
-    except RuptfxError:
-        pass
-    try:
-        return str(json.loads((out / run_files.SUMMARY).read_text())["case_hash"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def begun(out: Path, case: CaseFile) -> Path:
+def begun(out: Path, case: RunCase) -> Path:
     """Return where a run of this case was begun: in the directory, or in its `.new`."""
-    return out / NEW if _case_hash(out / NEW, case) == case.hash else out
+    return out / NEW if case.hash_in(out / NEW) == case.hash else out
 
 
 def unfinished(out: Path) -> Path:
@@ -148,7 +130,7 @@ def home(place: Path) -> Path:
     return place.parent if place.name == NEW else place
 
 
-def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -> Path:
+def prepare(out: Path, again: RunCase | None = None, overwrite: bool = False) -> Path:
     """Return an empty directory for a new run: `out`, or its `.new` if a run is to be replaced.
 
     Parameters
@@ -174,7 +156,7 @@ def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -
         place = begun(out, again)
         if place != out:
             return renew(place)
-        if _case_hash(out, again) == again.hash:
+        if again.hash_in(out) == again.hash:
             return out
     remedy = "replace the run with --overwrite, " if _holds_a_run(out) else ""
     raise RuptfxError(f"{out}: exists already; {remedy}choose another --out, or remove it")
