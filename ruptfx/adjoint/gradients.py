@@ -54,7 +54,7 @@ class Objective:
     terms : sequence of Misfit
     comm : MPI communicator
     most : float
-        Largest memory of the history of the interfaces on all ranks [bytes].
+        Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].
     tell : callable
         Called with the finished fraction of the run and a text.
     model : Model, optional
@@ -211,7 +211,8 @@ class Objective:
                 data[each.unknown.key] = (f"point_{fault.name}", each.values, {
                     **about, "long_name": f"derivative by {each.unknown.key} at each point",
                 })  # fmt: skip
-        return xarray.Dataset(data, coordinates, {"case_hash": self.case.hash, "title": self.case.title})
+        about = {"case_hash": self.case.hash, "title": self.case.title, **self.sweeps.made.attributes}
+        return xarray.Dataset(data, coordinates, about)
 
 
 def gradient(
@@ -232,14 +233,17 @@ def gradient(
     progress : bool
         Show progress bars on rank 0.
     memory : float
-        Largest memory of the history of the interfaces on all ranks [bytes].
+        Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes]; what does not fit is
+        computed again from the checkpoints, with the same result.
 
     Returns
     -------
     xarray.Dataset
         `objective`; for each unknown a variable of the name of its key: the derivative by the value at each point, or
         by a number. Attribute `uniform_change` is the derivative by a change that is the same at all points. Divide by
-        `weight_FAULT` for the sensitivity per length, which does not depend on the mesh.
+        `weight_FAULT` for the sensitivity per length, which does not depend on the mesh. The dataset's attributes
+        `memory` [bytes], `checkpoints`, `forward_runs` and `history` say what the gradient took: `forward_runs` counts
+        the steps forward over those of the run.
 
     Raises
     ------

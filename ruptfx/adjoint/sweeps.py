@@ -21,21 +21,22 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx.adjoint import history
+from ruptfx.adjoint.history import LARGEST
 from ruptfx.adjoint.point_map import InitialMap, PointMap
 from ruptfx.adjoint.readings import Readings
+from ruptfx.adjoint.recomputation import Recomputation
 from ruptfx.faults.fault_step import impedances
 from ruptfx.faults.points import Clock
 from ruptfx.fields import component_names
 from ruptfx.mechanisms.faults import Faults
 from ruptfx.misfits import Request, Sample
 from ruptfx.operators import FusedOperator
-from ruptfx.platform import parallel
 from ruptfx.recording.schedule import end_of
 
 if TYPE_CHECKING:
     from ruptfx.faults.interface import Interface
     from ruptfx.model import Model
+    from ruptfx.state import State
     from ruptfx.steppers.leapfrog import LeapfrogMotion
 
 Floats = NDArray[np.float64]
@@ -56,7 +57,8 @@ class Sweeps:
     requests : sequence of Trace or Final
         Readings of the run.
     most : float
-        Largest memory of the history of the interfaces on all ranks [bytes].
+        Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes]; what does not fit is
+        computed again in every sweep.
     tell : callable
         Called with the finished fraction and a text.
     record : bool
@@ -73,21 +75,23 @@ class Sweeps:
         [s]
     samples : list of Sample
         Readings of the run.
+    made : Recomputation
+        The steps of the run.
     """
 
     def __init__(
-        self, model: Model, requests: Callable[[Model, float, int], list[Request]], most: float = history.LARGEST,
+        self, model: Model, requests: Callable[[Model, float, int], list[Request]], most: float = LARGEST,
         tell: Told = lambda done, text: None, record: bool = True,
     ) -> None:  # fmt: skip
         self._motion = motion = cast("LeapfrogMotion", model.case.stepper.bind(model))
         self.model, self.dt = cast("Model", motion.model), motion.dt
         self.steps = number_of_steps(model.case.duration, self.dt)
-        self._faults = next(each for each in motion.mechanisms if isinstance(each, Faults))
+        faults = next(each for each in motion.mechanisms if isinstance(each, Faults))
         self._clocks = [Clock.of_step(self.dt, number) for number in range(3)]
         self._collect(motion)
         self.points = [self._point_map(motion, number) for number in range(len(self.model.faults))] if record else []
         self.readings = Readings(self.model, self.dt, self.steps, requests(self.model, self.dt, self.steps))
-        self._histories = history.begin(self._faults, self.points, self.steps, most) if record else []
+        self.made = Recomputation(motion, faults, self.points, self.steps, most)
         self._initial = [
             InitialMap(each.fault, list(each.parameters), each.memory, self.model.initial_slip_rate(each.fault))
             for each in self.points
@@ -116,24 +120,13 @@ class Sweeps:
 
     def run_again(self, tell: Told = lambda done, text: None) -> list[Sample]:
         """Make the run, fill the history and return the readings; collective."""
-        model, motion, state = self.model, self._motion, self.model.initial_state()
-        for each in self._histories:
-            each.begin()
-        self.readings.observe(0, state)
-        for step in range(self.steps):
-            error = None
-            try:
-                motion.step(state)
-            except Exception as caught:
-                error = caught
-            if model.comm.size > 1:
-                parallel.raise_on_all(model.comm, error)
-            elif error is not None:
-                raise error
-            self.readings.observe(step + 1, state)
-            tell((step + 1) / self.steps, f"forward  step {step + 1} of {self.steps}")
-        if self._histories:
-            history.end(self._histories, state)
+
+        def observe(step: int, state: State) -> None:
+            self.readings.observe(step, state)
+            if step:
+                tell(step / self.steps, f"forward  step {step} of {self.steps}")
+
+        self.made.run(observe)
         return self.readings.samples()
 
     # -- sweeps ------------------------------------------------------------------------------------------------
@@ -156,19 +149,19 @@ class Sweeps:
         memory = [each.push(p, dp) for each, p, dp in zip(self._initial, self.parameters, changes, strict=True)]
         fields: dict[str, dict[str, Floats]] = {}
         self.readings.observe_change(0, u, v, fields)
-        for step in range(self.steps):
+        for visit in self.made.forward():
+            step = visit.step
             kick, time = min(step, 2), step * self.dt
             clock = self._clocks[kick]
             v = self._keep[kick] * v + self._push[kick] * (self._stiffness(u) + self._viscous(v))
             for number, points in enumerate(self.points):
-                face = points.fault.interface
-                row = self._histories[number].rows[step]
+                face, row = points.fault.interface, visit.rows[number]
                 parameters, dp = self._loaded(number, time), changes[number]
                 if (load := loads(number, time)) is not None:
                     dp = dp.copy()
                     dp[1 : 1 + points.fault.tangents] += np.outer(points.fault.shear_direction, load)
                 given = np.concatenate([face.rate(u).T, face.rate(v).T, memory[number], dp])
-                found = points.found(row, self._histories[number].rows[step + 1], clock)
+                found = points.found(row, visit.after[number], clock)
                 changed = points.push(kick, clock, row, parameters, found, given)
                 local, width = points.local, len(points.memory)
                 memory[number] = changed[local : local + width]
@@ -201,7 +194,8 @@ class Sweeps:
         fields = _Backward(self._motion, self._keep, self._push)
         memory = [np.zeros((len(each.memory), each.fault.interface.weight.size)) for each in self.points]
         gradient = [np.zeros_like(each) for each in self.parameters]
-        for step in range(self.steps - 1, -1, -1):
+        for visit in self.made.backward():
+            step = visit.step
             kick, time = min(step, 2), step * dt
             clock = self._clocks[kick]
             of_outputs, named = self._empty(memory)
@@ -211,9 +205,9 @@ class Sweeps:
             fields.drift()
             for number in reversed(range(len(self.points))):
                 points, of_output = self.points[number], of_outputs[number]
-                face, local, row = points.fault.interface, points.local, self._histories[number].rows[step]
+                face, local, row = points.fault.interface, points.local, visit.rows[number]
                 of_output[:local] = -face.weight * _jump(face, fields.b, self._mobility[kick]).T
-                found = points.found(row, self._histories[number].rows[step + 1], clock)
+                found = points.found(row, visit.after[number], clock)
                 pulled = points.pull(kick, clock, row, self._loaded(number, time), found, of_output)
                 width = len(points.memory)
                 _add(face, fields.a, None, pulled[:local])

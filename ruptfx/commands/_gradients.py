@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ruptfx.case import Case
 
 Ranks = Annotated[int, typer.Option(min=1, help="MPI ranks to start.")]
-Memory = Annotated[float, typer.Option(min=0, help="Memory for the history of the interfaces in GB.")]
+Memory = Annotated[float, typer.Option(min=0, help="Memory for history of the interfaces and checkpoints in GB.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress, no table.")]
 
 

@@ -57,6 +57,7 @@ def gradient(
                     change = values.attrs["uniform_change"]
                     table.add_row(values.attrs["unknown"], f"{change:.6g}", values.attrs["units"])
             screen.print(table)
+            screen.print(found.attrs["history"], highlight=False)
             screen.print(f"Files: {out / 'gradient.nc'}, {out / 'gradient.png'}", soft_wrap=True)
 
         parallel.on_root(comm, write)

@@ -41,7 +41,7 @@ class Inversion:
     comm : MPI communicator
     progress : bool
     memory : float
-        Largest memory of the history of the interfaces on all ranks [bytes].
+        Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].
 
     Attributes
     ----------
@@ -378,7 +378,7 @@ def infer(
     progress : bool
         Show progress with the misfit on rank 0.
     memory : float
-        Largest memory of the history of the interfaces on all ranks [bytes].
+        Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].
 
     Returns
     -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 import tomli_w
 from messages import facts
-from small_cases import COMPLIANT, SPLIT, friction_laws, merged, slip_weakening
+from small_cases import COMPLIANT, SPLIT, friction_laws, merged, slip_weakening, strike_slip
 
 from ruptfx.case import Case, parse_case
 from ruptfx.check_law.examples import friction
@@ -22,6 +23,7 @@ pytest.importorskip("dolfinx")
 from benchmarks import adjoint as bench
 from benchmarks.time_order import CONTACTS, LAWS
 from ruptfx import RuptfxError, fem, gradient
+from ruptfx.adjoint.checkpoints import passed, schedule, split
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.sweeps import Sweeps
 from ruptfx.adjoint.unknowns import perturbed, places
@@ -48,7 +50,7 @@ def of_examples(kind: str, held: str | None) -> dict[str, Any]:
 
 def reproduced(sweeps: Sweeps) -> tuple[float, float]:
     """Largest difference of the traced steps from the compiled ones, and the share of sliding points and steps."""
-    points, rows, worst, sliding = sweeps.points[0], sweeps._histories[0].rows, 0.0, 0.0
+    points, rows, worst, sliding = sweeps.points[0], sweeps.made.histories[0].rows, 0.0, 0.0
     local, width = points.local, len(points.memory)
     for step in range(sweeps.steps):
         kick = min(step, 2)
@@ -123,7 +125,7 @@ def test_gradients_of_interfaces_that_open_or_close(changes: Any, sizes: Any, co
     """Open points move freely from rest, where the direction of their motion is not defined."""
     case = parse_case(slip_weakening({**RUPTURE, **changes, "faults.main.contact": contact}))
     sweeps = Objective(case, case.objective).sweeps
-    sigma = sweeps._histories[0].rows[:, sweeps.points[0].history.index("normal_stress")]
+    sigma = sweeps.made.histories[0].rows[:, sweeps.points[0].history.index("normal_stress")]
     assert 0.2 < np.mean(sigma <= 0) < 0.9
     assert reproduced(sweeps)[0] < 1e-12
     assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
@@ -177,8 +179,6 @@ def test_tangent_linear_sweeps_equal_central_differences() -> None:
 
 
 def test_gradients_in_three_dimensions() -> None:
-    from small_cases import strike_slip
-
     case = parse_case(strike_slip({"objective": SLIP, "duration": 2e-6}))
     assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
     found = differences(case, lambda x: np.cos(400 * x), {"Pa": 1e6, "m": 1e-6, "1": 0.1}, 1e-6)
@@ -186,8 +186,8 @@ def test_gradients_in_three_dimensions() -> None:
         assert exact == pytest.approx(difference, rel=1e-6), key
 
 
-def test_a_gradient_is_the_same_on_two_ranks() -> None:
-    assert bench.of_ranks() < 1e-10
+def test_a_gradient_is_the_same_on_two_ranks_with_a_tenth_of_the_memory() -> None:
+    assert bench.of_ranks(2, 0.1) < 1e-10
 
 
 @pytest.mark.parametrize("kind", MISFITS := alternatives("ruptfx.misfits"))
@@ -278,9 +278,77 @@ def test_an_unknown_that_the_objective_does_not_feel_is_named() -> None:
         gradient(case, unknowns=["faults.main.friction.c"], progress=False)
 
 
-def test_a_history_beyond_the_memory_is_refused() -> None:
-    with pytest.raises(RuptfxError, match=r"the history of the interfaces .* needs .* GB of memory"):
-        gradient(parse_case(slip_weakening(RUPTURE)), progress=False, memory=1e4)
+def test_a_step_beyond_the_memory_is_refused() -> None:
+    with pytest.raises(RuptfxError, match=r"the history of the interfaces of one step needs .* GB of memory"):
+        gradient(parse_case(slip_weakening(RUPTURE)), progress=False, memory=1e3)
+
+
+@pytest.mark.parametrize("segments, checkpoints", [(1, 1), (2, 1), (9, 1), (9, 3), (20, 4), (20, 20), (37, 2)])
+def test_schedules_of_checkpoints_are_the_best_ones(segments: int, checkpoints: int) -> None:
+    """The fewest segments by dynamic programming, which tries every place of the next checkpoint."""
+
+    @cache
+    def fewest(n: int, c: int) -> int:
+        if c == 1 or n == 1:
+            return n * (n - 1) // 2
+        return min(first + fewest(n - first, c - 1) + fewest(first, c) for first in range(1, n))
+
+    assert passed(segments, checkpoints) == fewest(segments, checkpoints)
+    if segments > 1 and checkpoints > 1:
+        first = split(segments, checkpoints)
+        parts = fewest(segments - first, checkpoints - 1) + fewest(first, checkpoints)
+        assert first + parts == fewest(segments, checkpoints)
+
+
+def test_schedules_keep_to_the_memory() -> None:
+    """One checkpoint is as large as the history of 30 steps."""
+    before = 1000
+    for most in (1001.0, 1000.0, 400.0, 250.0, 100.0, 20.0, 2.0):
+        found = schedule(1000, 1.0, 30.0, most)
+        assert found.memory <= most
+        assert found.memory == found.stored * 30.0 + min(found.length + 1, 1001)
+        assert found.forward_steps >= before
+        before = found.forward_steps
+    assert schedule(1000, 1.0, 30.0, 1001.0).forward_steps == 1000
+    assert schedule(1000, 1.0, 30.0, 250.0).forward_steps < 2400
+    assert "4 checkpoints" in schedule(1000, 1.0, 30.0, 250.0).text
+
+
+STRIKE_SLIP = {"objective": SLIP, "duration": 2e-6}
+
+
+@pytest.mark.parametrize("table, parts", [
+    (slip_weakening({**RUPTURE, "damping.kelvin_voigt": {"fraction": 0.2}, "plane": "strain", "instruments": [
+        {"kind": "velocimeter", "name": "body", "interval": 1e-7, "point": [18e-3, 2e-3], "direction": [1.0, 0.0]}],
+        "boundaries": [{"kind": "absorbing", "edge": "upper.top"},
+                       {"kind": "driven", "edge": "lower.bottom", "component": "x", "velocity": 0.1, "ramp": 1e-6}],
+        "objective": [*SLIP, {"kind": "traces", "instrument": "body", "times": [6e-6], "data": {"velocity": [0.1]},
+                              "units": {"velocity": "m/s"}, "sigma": 0.1}]}), (0.7, 0.4, 0.12)),
+    (strike_slip(STRIKE_SLIP), (0.6, 0.1)),
+], ids=["plane", "solid"])  # fmt: skip
+def test_gradients_in_less_memory_are_bitwise_the_same(table: dict[str, Any], parts: tuple[float, ...]) -> None:
+    """From checkpoints or from the start of the run, whichever takes fewer steps; two sweeps backward, one forward."""
+    case = parse_case(table)
+    whole = Objective(case, case.objective)
+    kept = whole.sweeps.made.schedule
+    assert kept is not None and kept.segments == 1
+    expected = whole.gradient()
+    change = [np.cos(np.arange(each.size)).reshape(each.shape) for each in whole.sweeps.parameters]
+    readings = whole.sweeps.tangent(change)
+    for part in parts:
+        made = Objective(case, case.objective, most=part * kept.memory)
+        plan = made.sweeps.made.schedule
+        assert plan is not None and plan.segments > 1 and plan.memory <= part * kept.memory
+        assert made.value == whole.value
+        for sweep in range(2):
+            found = made.gradient()
+            if sweep == 0:
+                assert plan.forward_steps - plan.length < made.sweeps.made.steps_made <= plan.forward_steps
+            for one, other in zip(expected, found, strict=True):
+                np.testing.assert_array_equal(one.values, other.values)
+        for one, other in zip(readings, made.sweeps.tangent(change), strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert any(np.any(each.values) for each in found)
 
 
 @pytest.mark.parametrize("changes, key", [
@@ -311,6 +379,7 @@ def test_the_command_writes_data_and_a_figure(tmp_path: Path) -> None:
     assert shear.attrs["uniform_change"] == pytest.approx(float(shear.sum()))
     assert (tmp_path / "out" / "gradient.png").stat().st_size > 5000
     assert (tmp_path / "out" / "case.toml").exists()
+    assert found.attrs["forward_runs"] == 1 and "no checkpoints" in found.attrs["history"]
 
 
 def test_recorded_runs_are_those_of_the_time_loop(tmp_path: Path) -> None:
