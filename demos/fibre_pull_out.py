@@ -87,5 +87,5 @@ def picture():
     return figure
 
 
-picture().savefig(out / "fibre_pull_out.png")
+picture().savefig(out / "fibre_pull_out.png", dpi=200)
 print(f"figure in {out}")

@@ -82,5 +82,5 @@ def picture():
     return figure
 
 
-picture().savefig(out / "front_types.png")
+picture().savefig(out / "front_types.png", dpi=200)
 print(f"figure in {out}")

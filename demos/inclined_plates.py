@@ -102,5 +102,5 @@ def picture():
     return figure
 
 
-picture().savefig(out / "inclined_plates.png")
+picture().savefig(out / "inclined_plates.png", dpi=200)
 print(f"figure in {out}")

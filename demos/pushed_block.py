@@ -104,5 +104,5 @@ def picture():
     return figure
 
 
-picture().savefig(out / "pushed_block.png")
+picture().savefig(out / "pushed_block.png", dpi=200)
 print(f"figure in {out}")

@@ -10,6 +10,8 @@ import numpy as np
 import tomli_w
 import xarray
 
+from ruptfx.fields import DERIVED, FIELDS, MONITORS
+
 Array = np.ndarray
 
 # Homalite in plane stress, rounded; the driven edge moves at V_IMP.
@@ -20,6 +22,7 @@ UNITS = {
     "slip": "m", "slip_rate": "m/s", "displacement_jump": "m", "shear_traction": "Pa", "normal_stress": "Pa",
     "opening": "m", "theta": "s", "peak_slip_rate": "m/s", "rupture_time": "s",
 }
+WORDS = {field.name: field.long_name for field in (*FIELDS, *DERIVED, *MONITORS)}
 _GLL4 = np.array([0, 1 - np.sqrt(3 / 7), 1, 1 + np.sqrt(3 / 7)]) / 2
 
 
@@ -168,7 +171,7 @@ def _write_interface(
         },
     )
     for name in (*histories, *along):
-        data[name].attrs = {"units": UNITS.get(name, "m"), "long_name": name.replace("_", " ")}
+        data[name].attrs = {"units": UNITS.get(name, "m"), "long_name": WORDS.get(name, name.replace("_", " "))}
     data.to_netcdf(path, engine="h5netcdf")
 
 

@@ -18,6 +18,7 @@ from ruptfx.schema import nearest as nearest_name
 
 DIRECTED = ("slip", "slip_rate", "displacement_jump", "shear_traction")  # along the interface
 STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # one line style per body
+LONGEST_LABEL = 20  # letters: longer ones would reach beyond a panel
 
 
 class Guide(NamedTuple):
@@ -127,7 +128,8 @@ def quantity(data: Data, name: str, title: str) -> Quantity:
     if name not in known:
         raise RuptfxError(f"plots.{title}: field = '{name}': {nearest_name(name, known)}")
     found = data[name].attrs
-    label = str(found.get("long_name", name)).replace("_", " ")
+    label = str(found.get("long_name", name)).partition(",")[0].replace("_", " ")
+    label = label if len(label) <= LONGEST_LABEL else name.replace("_", " ")
     return Quantity(label[:1].upper() + label[1:], str(found.get("units", "1")))
 
 

@@ -269,3 +269,10 @@ def test_a_component_of_the_bodies_is_drawn_with_its_values(records):
     (image,) = axes.images
     np.testing.assert_allclose(np.ma.compressed(image.get_array()), -6.0)
     assert image.get_clim() == pytest.approx((-6.0, 6.0))
+
+
+@pytest.mark.parametrize("field", ["normal_stress", "slip_rate", "opening", "displacement_jump"])
+def test_fields_of_an_interface_have_labels_shorter_than_their_panels(field, records):
+    """Some descriptions of fields are sentences."""
+    record = fitting("snapshots", records)[0]
+    check_figure(plots.snapshots(record, field=field, at=[10e-6, 20e-6, 30e-6, 40e-6]).figure)
