@@ -18,7 +18,7 @@ from ruptfx.schema import nearest as nearest_name
 
 DIRECTED = ("slip", "slip_rate", "displacement_jump", "shear_traction")  # along the interface
 STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # one line style per body
-LONGEST_LABEL = 20  # letters: longer ones would reach beyond a panel
+LONGEST_LABEL = 28  # letters: longer ones would reach beyond a panel
 
 
 class Guide(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,6 +35,7 @@ from ruptfx.record import Data, Files
 
 FIELDS = {"slip_rate": "#c1440e", "shear_traction": "#1a1a1a", "normal_stress": "#3a7d44"}
 CONSTANT = 1e-6  # of the normal stress: smaller changes are rounding
+LETTERS = 21  # that a row is high
 FAR = 3.0  # times the largest traction: a higher strength is cut off
 
 
@@ -98,7 +100,7 @@ def snapshots(
             ax.plot(position / x_size, line, color=colour)
             if name == "shear_traction" and strengths is not None:
                 ax.plot(position / x_size, strengths[number] / size, ":", color=MUTED, lw=0.9, gid="strength", zorder=0)
-            ax.set_ylabel(title if printed == "1" else f"{title} ({printed})")
+            ax.set_ylabel(fill(title if printed == "1" else f"{title} ({printed})", LETTERS))
             named = column > 0 or len(meant) == 1
             marked |= has_origin(record) and _marks(ax, record, saved[row], x_size, named=named)
         axes[-1, column].set_xlabel(along(record, x_size, x_unit))
