@@ -234,7 +234,7 @@ FIGURES = {
     "branching": "cracks", "brazilian": "cracks", "ball": "wavefield", "granite": "emission",
     "debonding": "snapshots", "sliding_start": "forces", "slow_sliding": "forces", "measured_surface": "surfaces",
     "rough_sliding": "surfaces", "stress_barrier": "front", "fault_zone": "space_time",
-    "branched_fault": "wavefield",
+    "branched_fault": "wavefield", "off_fault_plasticity": "material_state",
 }  # fmt: skip
 """Figure of the demo of the same name that a picture shows."""
 LUMPED = {

@@ -105,10 +105,11 @@ class Output(Part):
     it, instantaneous values at every record of the interface."""
     bulk_interval: Duration | None = None
     """Time between snapshots of the bodies; duration / 6 without it."""
-    bulk_fields: Annotated[list[Literal["velocity", "displacement", "stress", "fringe"]], Field(min_length=1)] = [
-        "velocity", "displacement", "stress", "fringe"
-    ]
-    """Fields of snapshots; `fringe` is sigma_1 - sigma_2 in the plane of x and y."""
+    bulk_fields: Annotated[
+        list[Literal["velocity", "displacement", "stress", "fringe", "state"]], Field(min_length=1)
+    ] = ["velocity", "displacement", "stress", "fringe", "state"]
+    """Fields of snapshots; `fringe` is sigma_1 - sigma_2 in the plane of x and y, `state` what materials record of
+    theirs, such as plastic strain."""
     bulk_precision: Literal["double", "single"] = "double"
     """Precision of the numbers in snapshots: 15 digits, or 7 in half the space."""
     bulk_compression: Annotated[int, Field(ge=0, le=9)] = 0

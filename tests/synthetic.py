@@ -197,7 +197,11 @@ def _write_bulk(path: Path, time: Array, plane: str, columns: int = 101, rows: i
         file["stress"] = np.stack(stress, axis=-1)
         if plane != "antiplane":
             file["fringe"] = np.hypot(6e6, 4e6 * wave)
-        units = {"points": "m", "time": "s", "velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
+            file["plastic_strain"] = 1e-3 * np.maximum(C_S * time[:, None] - both[:, 0], 0) / LENGTH
+            file["plastic_strain"].attrs["long_name"] = "magnitude of the plastic strain"
+            file.attrs["states"] = ["plastic_strain"]
+        units = {"points": "m", "time": "s", "velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa",
+                 "plastic_strain": "1"}  # fmt: skip
         for name in units.keys() & file.keys():
             file[name].attrs["units"] = units[name]
 

@@ -23,7 +23,7 @@ from ruptfx.analysis.raster import PIXELS
 from ruptfx.case import Case
 from ruptfx.drawing import figure_process
 from ruptfx.fields import stress_entries
-from ruptfx.recording.bulk_fields import BulkFields
+from ruptfx.recording.bulk_fields import BulkFields, recorded_states
 from ruptfx.recording.mechanisms import Records, records_of
 from ruptfx.recording.recorder import Recorder
 from ruptfx.recording.sampling import Samples
@@ -177,6 +177,7 @@ def _bytes_of_files(model: Model, parts: list[Records], steps: int | None) -> fl
         numbers += case.duration / instrument.interval * (1 + len(channels))
     dim, c = model.coordinates.shape[1], model.components
     columns = {"velocity": c, "displacement": c, "stress": len(stress_entries(case.plane, c)), "fringe": 1}
+    columns["state"] = len(recorded_states(model))
     of_snapshot = sum(columns[name] for name in case.output.bulk_fields) * BYTES[case.output.bulk_precision]
     mesh = 8 * (dim + 2**dim)  # points, and about as many cells between them
     of_energies = 20 * (len(model.energy_columns) + 2) * records

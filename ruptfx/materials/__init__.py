@@ -54,11 +54,24 @@ class StateField(NamedTuple):
     tensor: bool = False
 
 
+class RecordedState(NamedTuple):
+    """A number of the state of a material that snapshots of the bodies contain.
+
+    Attributes
+    ----------
+    unit, long_name : str
+    """
+
+    unit: str
+    long_name: str
+
+
 class Material(Alternative):
     """Contract of a material.
 
     `energy_density` is the elastic energy. A material with memory also has `stress`, `state_fields` and `stored`: its
-    stress is written as a NumPy formula, which is traced into the sweep over the elements.
+    stress is written as a NumPy formula, which is traced into the sweep over the elements. `recorded_states` names what
+    snapshots show of its state.
     """
 
     isotropic: ClassVar[bool] = False
@@ -188,6 +201,25 @@ class Material(Alternative):
         """Return the stored energy per volume [J/m3]; the rest of the work of the stress is dissipated."""
         raise NotImplementedError
 
+    def recorded_states(self) -> dict[str, RecordedState]:
+        """Return what snapshots contain of the state, by name."""
+        return {}
+
+    def recorded(self, state: dict[str, Any]) -> dict[str, Any]:
+        """Return the values of `recorded_states`, in NumPy operations without branches; default: state fields.
+
+        Parameters
+        ----------
+        state : dict
+            Numbers and tensors by name.
+
+        Returns
+        -------
+        dict
+            Numbers by the names of `recorded_states`.
+        """
+        return {name: state[name] for name in self.recorded_states()}
+
     def lame(self, plane: Plane) -> tuple[float, float] | None:
         """Return the Lamé parameters lambda and G [Pa] of a linear isotropic material; None for others.
 
@@ -303,5 +335,5 @@ else:
     ]
 
 __all__ = [
-    "IDENTITY", "IN_PLANE", "AnyMaterial", "Material", "Plane", "StateField", "Tensor", "WaveSpeeds",
+    "IDENTITY", "IN_PLANE", "AnyMaterial", "Material", "Plane", "RecordedState", "StateField", "Tensor", "WaveSpeeds",
 ]  # fmt: skip

@@ -43,6 +43,8 @@ class TracedMaterial:
         Stored numbers of a point, ``"name"`` or ``"name_xy"``, and their initial values.
     stress, advanced, stored : dict or Expression
         Stress [Pa] by component, new state by name, stored energy [J/m3], of the symbols ``e_xx``, ``s_name``, ``dt``.
+    recorded : dict of str to Expression
+        Numbers of the state that snapshots contain, by name.
     inelastic : dict of str to Expression
         Stress less that of the elastic energy at the same strain [Pa].
     parameters : list of str
@@ -73,6 +75,7 @@ class TracedMaterial:
         self.stress = {name: stress[name] for name in self.components}
         self.advanced = {name: advanced[name] for name in self.state}
         self.stored = self._energy(live)
+        self.recorded = self._recorded(live)
         self.inelastic = {
             name: apply("subtract", stress[name], elastic) for name, elastic in self._elastic_stress().items()
         }
@@ -139,6 +142,15 @@ class TracedMaterial:
         across = symbol(f"s_{ACROSS}") if self._plane == "stress" else None
         return record(self._material.stored, self._tensor(across), self._packed(numbers), as_=_expression)
 
+    def _recorded(self, live: set[str]) -> dict[str, Expression]:
+        material, wanted = self._material, self._material.recorded_states()
+        found: Any = record(material.recorded, self._packed(self._symbols(live)))
+        if not isinstance(found, dict) or set(found) != set(wanted):
+            raise RuptfxError(f"{material.kind()}.recorded: return a dict with {', '.join(wanted) or 'no name'}")
+        if tensors := [name for name in wanted if isinstance(found[name], Tensor)]:
+            raise RuptfxError(f"{material.kind()}.recorded: '{tensors[0]}' must be a number of each point, no Tensor")
+        return {name: _expression(found[name]) for name in wanted}
+
     def _elastic_stress(self) -> dict[str, Expression]:
         """Return the stress of the elastic energy by component, from its second derivative."""
         if self.parameters:
@@ -186,6 +198,10 @@ class TracedMaterial:
             "FIELDS": len(state), "PARAMETERS": len(self.parameters), "PARTS": len(parts), "LAW_READ": read + used,
             "LAW_STEP": to_c(stress | new, end=" \\\n"), "LAW_PRESENT": to_c(stress, end=" \\\n"),
             "LAW_STORED": to_c({"stored": self.stored}, end=" \\\n"),
+            "RECORDED": len(self.recorded),
+            "LAW_RECORDED": to_c(
+                {f"STRESS({place})": value for place, value in enumerate(self.recorded.values())}, end=" \\\n"
+            ),
         }  # fmt: skip
 
     def evaluate(

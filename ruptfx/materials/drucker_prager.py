@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from ruptfx.materials import IDENTITY, StateField, Tensor
+from ruptfx.materials import IDENTITY, RecordedState, StateField, Tensor
 from ruptfx.materials._overstress import SMALLEST, relaxed
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.schema import Unit
@@ -74,6 +74,13 @@ class DruckerPrager(IsotropicElastic):
             "plastic_strain": state["plastic_strain"] + returned / (2 * shear),
             "overstress": np.maximum(beyond - np.minimum(flown, tau), 0.0),
         }
+
+    def recorded_states(self) -> dict[str, RecordedState]:
+        return {"plastic_strain": RecordedState("1", "magnitude sqrt(2/3 e:e) of the plastic strain e")}
+
+    def recorded(self, state: dict[str, Any]) -> dict[str, Any]:
+        plastic = state["plastic_strain"]
+        return {"plastic_strain": np.sqrt(2 / 3 * plastic.dot(plastic))}
 
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
         """Return the elastic energy less what the initial stress has given to the plastic strain."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ruptfx.materials import IDENTITY, StateField, Tensor
+from ruptfx.materials import IDENTITY, RecordedState, StateField, Tensor
 from ruptfx.materials._overstress import SMALLEST, relaxed
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.units import Duration, VaryingPressure
@@ -55,6 +55,9 @@ class VonMises(IsotropicElastic):
             "plastic_strain": plastic + flow, "equivalent_plastic_strain": kappa + added,
             "overstress": np.maximum(beyond - flown, 0.0),
         }  # fmt: skip
+
+    def recorded_states(self) -> dict[str, RecordedState]:
+        return {"equivalent_plastic_strain": RecordedState("1", "equivalent plastic strain, accumulated")}
 
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
         """Return the elastic energy and that of the back stress; isotropic hardening dissipates."""

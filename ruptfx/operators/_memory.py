@@ -105,6 +105,21 @@ class MemorySweep(MatrixFree):
             *self._start(state), *self._pointers(displacement), ctypes.c_void_p(sums.ctypes.data)
         )
 
+    def add_recorded(self, displacement: np.ndarray, state: np.ndarray, sums: np.ndarray) -> None:
+        """Add recorded states, and in the last column 1, times weight and size of elements at their nodes.
+
+        Parameters
+        ----------
+        displacement : ndarray
+            Without effect [m].
+        state : ndarray
+        sums : ndarray, shape (nodes, recorded states + 1)
+        """
+        assert sums.flags.c_contiguous and sums.shape == (self._nodes, len(self.law.recorded) + 1)
+        self._compiled.memory_states(
+            *self._start(state), *self._pointers(displacement), ctypes.c_void_p(sums.ctypes.data)
+        )
+
     def stored(self, displacement: np.ndarray, state: np.ndarray) -> float:
         """Return the stored energy of the cells owned by this rank [J]."""
         return float(self._compiled.memory_energy(*self._start(state), *self._pointers(displacement)))

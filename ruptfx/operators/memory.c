@@ -1,7 +1,8 @@
 // Inelastic stress of a material with memory: the sweep over its elements.  _memory.py writes this file after matrix_free.c,
 // whose geometry and gradients it uses, and in front of both the macros of a traced material:
 // FIELDS, numbers of state at a point; PARAMETERS, numbers of a law that vary in the bodies; PARTS, components of strain; LAW_READ,
-// declarations of state, strain and parameters; LAW_STEP, LAW_PRESENT and LAW_STORED, the formulas.
+// declarations of state, strain and parameters; LAW_STEP, LAW_PRESENT, LAW_STORED and LAW_RECORDED, the formulas; RECORDED, numbers
+// that snapshots contain of the state of a point.
 
 #include <math.h>
 
@@ -14,7 +15,9 @@ struct memory {
     const lanes *parameter;  // [batch][POINTS][PARAMETERS]
 };
 
-enum { ADVANCED, PRESENT, ENERGY };  // what a sweep computes: forces after a step, present stresses, stored energy
+// What a sweep computes: forces after a step, present stresses, stored energy, recorded states.
+enum { ADVANCED, PRESENT, ENERGY, STATES };
+#define MOST(a, b) ((a) > (b) ? (a) : (b))
 
 #define STATE(k) state[(k) * LANES + l]
 #define STRAIN(k) strain[(k) * LANES + l]
@@ -47,6 +50,14 @@ static inline __attribute__((always_inline)) void at_point(const int what, doubl
             LAW_STORED
             STRESS(0) = stored;
         }
+#if RECORDED
+    if (what == STATES)
+#pragma omp simd
+        for (int l = 0; l < LANES; l++) {
+            LAW_READ
+            LAW_RECORDED
+        }
+#endif
 }
 
 // Position of a strain component in the order xx, yy, xy; xx, yy, zz, xy, yz, xz; xz, yz.
@@ -76,7 +87,8 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
             along_all(0, &DERIVATIVE, u[c], p[d][c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);
 #endif
     KEEP for (int q = 0; q < POINTS; q++) {
-        lanes size = memory->size[b], inverse = memory->inverse[b], h[COMPONENTS][DIM], e[PARTS], s[PARTS];
+        lanes size = memory->size[b], inverse = memory->inverse[b], h[COMPONENTS][DIM], e[PARTS];
+        lanes s[MOST(PARTS, RECORDED + 1)];
         lanes *const state = memory->state + (b * POINTS + q) * FIELDS;
 #if !SIMPLEX
         if (geometry == MULTILINEAR) {
@@ -113,13 +125,15 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
             total += -MINUS_WEIGHT[q] * volume * s[0];
             continue;
         }
-        if (what == PRESENT) {
+        const int parts = what == STATES ? RECORDED + 1 : PARTS;
+        if (what == STATES) s[RECORDED] = (lanes){0} + 1;  // its sum is the volume of a node
+        if (what == PRESENT || what == STATES) {
             UNROLL for (int n = 0; n < (SIMPLEX ? NODES : 1); n++) {
                 const int node = SIMPLEX ? n : q;
                 const double weight = -MINUS_WEIGHT[node] * (SIMPLEX ? 1.0 / NODES : 1.0);
                 UNROLL for (int l = 0; l < LANES; l++) {
-                    double *const here = sums + (long)(dof[node * LANES + l] / COMPONENTS) * PARTS;
-                    UNROLL for (int k = 0; k < PARTS; k++) here[k] += weight * volume[l] * s[k][l];
+                    double *const here = sums + (long)(dof[node * LANES + l] / COMPONENTS) * parts;
+                    UNROLL for (int k = 0; k < parts; k++) here[k] += weight * volume[l] * s[k][l];
                 }
             }
             continue;
@@ -184,6 +198,13 @@ void memory_stress(const struct plan *plan, const struct memory *memory, long ba
 {
     memory_sweep(PRESENT, plan, memory, batches, 0.0, u, stress);
 }
+
+#if RECORDED
+void memory_states(const struct plan *plan, const struct memory *memory, long batches, const double *u, double *states)
+{
+    memory_sweep(STATES, plan, memory, batches, 0.0, u, states);
+}
+#endif
 
 double memory_energy(const struct plan *plan, const struct memory *memory, long batches, const double *u)
 {

@@ -4,6 +4,8 @@ Every element is written as linear cells between its own nodes, so that any view
 Stresses are total: those of the displacement plus the initial stress of the bodies. This is the tensor of the case, or,
 where the case gives only the tractions of interfaces, the one that `carried` assumes, with the pressure of a flat
 interface as it varies; the attribute `initial_stress` of the file names the choice.
+States of materials are those of the last step, `Material.recorded_states`; NaN at the nodes of bodies without them. The
+attribute `states` lists their names.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import h5py
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import RuptfxError, fem
 from ruptfx.faults.interface import local_frame
 from ruptfx.fields import stress_entries
 from ruptfx.operators import ufl_form
@@ -26,6 +28,7 @@ from ruptfx.recording.shared_file import SharedFile
 
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
+    from ruptfx.materials import RecordedState
     from ruptfx.model import Model
     from ruptfx.state import State
 
@@ -94,6 +97,7 @@ class BulkFields:
         # In antiplane stress is a vector.
         self._entries: list[Any] = [entry if model.components > 1 else entry[0] for entry in self._stresses.values()]
         self._fields = [name for name in _UNITS if name in model.case.output.bulk_fields]
+        self._states = recorded_states(model) if "state" in model.case.output.bulk_fields else {}
         self._type = np.dtype({"double": "f8", "single": "f4"}[model.case.output.bulk_precision])
         self.initial_stress, self.initial_stress_from = self._initial_stress()
         self._uneven = self._uneven_pressure()
@@ -153,6 +157,8 @@ class BulkFields:
         if file.whole is not None:
             file.whole.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
             file.whole.attrs["bodies"] = model.bodies.names
+            if self._states:
+                file.whole.attrs["states"] = list(self._states)
             file.whole.attrs["record"] = "all fields of a snapshot are those of its time, that of the velocities"
             file.whole.attrs["initial_stress"] = self.initial_stress_from
             if self._uneven is None:
@@ -164,7 +170,7 @@ class BulkFields:
         with h5py.File(saved, locking=False) as file:
             for row, time in enumerate(file["time"][:kept]):
                 here = self.model.layout.rows.here
-                self.append(float(time), {name: file[name][row, here] for name in self._fields})
+                self.append(float(time), {name: file[name][row, here] for name in [*self._fields, *self._states]})
 
     def reopen(self) -> list[Path]:
         """Return the files that this rank has written, which may then be copied."""
@@ -180,6 +186,10 @@ class BulkFields:
         found = {name: values for name, values in found.items() if name in self._fields}
         if {"stress", "fringe"} & set(self._fields):
             found["stress"] = self._stress(displacement, state)
+        if self._states:
+            found |= {name: values[:, None] for name, values in self._state_values(displacement, state).items()}
+        if not found:
+            return {}
         ends = np.cumsum([values.shape[1] for values in found.values()])
         rows = model.layout.collect(np.column_stack(list(found.values())).ravel())
         found = dict(zip(found, np.split(rows, ends[:-1], axis=1), strict=True))
@@ -187,14 +197,16 @@ class BulkFields:
             from ruptfx.analysis.photoelasticity import difference_of
 
             found["fringe"] = difference_of(found["stress"])
-        return {name: found[name].astype(self._type, copy=False) for name in self._fields}
+        found |= {name: found[name][:, 0] for name in self._states}
+        return {name: found[name].astype(self._type, copy=False) for name in [*self._fields, *self._states]}
 
     def append(self, time: float, fields: dict[str, np.ndarray]) -> None:
         """Write this rank's part of one snapshot."""
         for name, values in fields.items():
-            text = "twice the shear stress" if name == "fringe" and self.model.components == 1 else _TEXTS[name]
+            unit, text = self._states.get(name) or (_UNITS[name], _TEXTS[name])
+            text = "twice the shear stress" if name == "fringe" and self.model.components == 1 else text
             text += "; zz goes round the axis" * (name == "stress" and self.model.case.plane == "axisymmetric")
-            self._file.append(name, values, self.model.total_nodes, units=_UNITS[name], long_name=text)
+            self._file.append(name, values, self.model.total_nodes, units=unit, long_name=text)
         self._file.flush()
         if self._file.whole is not None:
             times = self._file.whole["time"]
@@ -227,6 +239,30 @@ class BulkFields:
         stress = sums / self._volume
         stress += self._initial_at_nodes
         return stress
+
+    def _state_values(self, displacement: np.ndarray, state: State) -> dict[str, np.ndarray]:
+        """Return recorded states at local nodes by name, averaged over the elements that have them; collective.
+
+        The weights are those of stresses, by mass lumping.
+        """
+        model, names = self.model, list(self._states)
+        vector = fem.dolfinx.la.vector(model.space.dofmap.index_map, 2 * len(names))
+        sums = vector.array.reshape(model.nodes, 2, -1)
+        sums[:] = 0
+        for body, sweep in model.memory.items():
+            if not sweep.law.recorded:
+                continue
+            of_body = np.zeros((model.nodes, len(sweep.law.recorded) + 1))
+            sweep.add_recorded(displacement, state.memory[body], of_body)
+            places = [names.index(name) for name in sweep.law.recorded]
+            sums[:, 0, places] += of_body[:, :-1]
+            sums[:, 1, places] += of_body[:, -1:]
+        if model.comm.size > 1:
+            vector.scatter_reverse(fem.dolfinx.la.InsertMode.add)
+            vector.scatter_forward()
+        volume = sums[:, 1]
+        values = np.where(volume > 0, sums[:, 0] / np.where(volume > 0, volume, 1.0), np.nan)
+        return dict(zip(names, values.T, strict=True))
 
     def _add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> None:
         """Add the stress as `MatrixFree.add_stress` defines it, for any material and element."""
@@ -359,6 +395,24 @@ class BulkFields:
         temporary = self._out / ".bulk.xdmf"
         temporary.write_text(_FILE.substitute(grids="".join(grids)))
         temporary.replace(self._out / "bulk.xdmf")
+
+
+def recorded_states(model: Model) -> dict[str, RecordedState]:
+    """Return what the materials of a model record of their states, by name; the same on all ranks.
+
+    Raises
+    ------
+    RuptfxError
+        A name of another field of the file, or of two states with different units or meanings.
+    """
+    found: dict[str, RecordedState] = {}
+    for material in model.given:
+        for name, declared in material.recorded_states().items():
+            if name in {*_UNITS, "points", "cells", "body", "time"} or found.setdefault(name, declared) != declared:
+                raise RuptfxError(
+                    f"{material.kind()}.recorded_states: another field of snapshots has the name '{name}'; rename it"
+                )
+    return found
 
 
 def carried(normal: np.ndarray, pressure: float, shear: np.ndarray, components: int) -> np.ndarray:

@@ -20,7 +20,7 @@ from ruptfx.schema import own_kinds
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
 QUANTITY = r"[fpnµmckMGT]?(?:m|s|yr|g|N|Pa|J|W|K|Hz|rad)[²³]?"
 # Numbers without a unit say what they count.
-WORDS = "per fringe|coefficient|fraction|ratio|number|magnitude"
+WORDS = "per fringe|coefficient|fraction|ratio|number|magnitude|strain"
 UNIT = re.compile(rf"\(({QUANTITY}([/ ]{QUANTITY})*|%[^)]*|°C?)\)|{WORDS}", re.I)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from messages import facts
 from small_cases import HOMALITE, plates
 from whole_runs import whole_and_resumed
 
+from ruptfx import RuptfxError
 from ruptfx.check_law import materials as checks
 from ruptfx.check_law.checks import Broken
 from ruptfx.check_law.examples import tables
-from ruptfx.materials import IDENTITY, Material, Tensor
+from ruptfx.materials import IDENTITY, Material, RecordedState, Tensor
 from ruptfx.materials._traced import OF_PLANE, traced
 from ruptfx.materials.drucker_prager import DruckerPrager
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
@@ -32,7 +34,9 @@ from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.operators import Bulk
 from ruptfx.operators._memory import MemorySweep
+from ruptfx.platform import parallel
 from ruptfx.record import Record
+from ruptfx.recording.bulk_fields import BulkFields, recorded_states
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -249,7 +253,7 @@ def test_the_same_on_any_ranks(material: dict[str, Any]) -> None:
 def test_resumed_bitwise(material: dict[str, Any], shared_tmp_path: Path) -> None:
     given = parse_case(plates({
         "plane": "strain", "boundaries": [PUSH], "materials.default": material, "output.checkpoint_steps": 30,
-        "output.interface_interval": 2e-7, "output.bulk_interval": 1e-6, "output.bulk_fields": ["stress"],
+        "output.interface_interval": 2e-7, "output.bulk_interval": 1e-6, "output.bulk_fields": ["stress", "state"],
     }))  # fmt: skip
     whole, cut = whole_and_resumed(given, shared_tmp_path / material["kind"])
     if COMM.rank == 0:
@@ -259,6 +263,81 @@ def test_resumed_bitwise(material: dict[str, Any], shared_tmp_path: Path) -> Non
             assert float(one.energy["material_dissipation"][-1]) > 0
             assert one.interface.identical(other.interface)
             assert one.bulk.identical(other.bulk)
+            assert ("plastic_strain" in one.bulk) == (material is DP)
+
+
+# -- states in snapshots -------------------------------------------------------------------------------------------
+
+
+def test_snapshots_contain_the_state_of_the_nodes() -> None:
+    """A plastic strain e_xy that is linear in space is sqrt(4/3) |e_xy| at the nodes, and NaN in the elastic body."""
+    given = {"plane": "strain", "materials.lower": HOMALITE, "materials.default": DP, "output.bulk_fields": ["state"]}
+    model = Model(parse_case(plates(given)), COMM)
+    state, bulk, numbering = model.initial_state(), BulkFields(model), np.arange(model.nodes)
+
+    def sheared(x: np.ndarray) -> np.ndarray:
+        return np.asarray(1e-3 * (1 + 20 * x[..., 0] + 30 * x[..., 1]))
+
+    for body, sweep in model.memory.items():
+        rows = sweep.rows(state.memory[body], numbering)
+        nodes = np.sort(model.space.dofmap.list[sweep.cells], axis=1)
+        rows[:, :, list(sweep.law.state).index("plastic_strain_xy")] = sheared(model.coordinates[nodes])
+        sweep.fill(state.memory[body], rows, numbering)
+    topology, found = bulk.topology(), bulk.gather(state)
+    upper = topology.body == model.bodies.names.index("upper")
+    expected = np.where(upper, np.sqrt(4 / 3) * sheared(topology.points), np.nan)
+    assert list(found) == ["plastic_strain"] and parallel.total(COMM, int(upper.sum())) > 0
+    np.testing.assert_allclose(found["plastic_strain"], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("cell", "order", "bend"), MESHES)
+def test_states_have_the_weight_of_their_elements(cell: str, order: int, bend: float) -> None:
+    """Sums over nodes are integrals: of 1, and of a state that jumps from element to element."""
+    bulk = bulk_of(example("von_mises"), cell, order, bend, "solid" if cell == "hexahedron" else "strain")
+    sweep = MemorySweep(bulk, bulk.materials[0], "materials.default")
+    state, mesh = sweep.begin(), bulk.space.mesh
+    nodes = bulk.space.dofmap.index_map.size_local
+    rows = sweep.rows(state, np.arange(nodes))
+    rows[:, :, list(sweep.law.state).index("equivalent_plastic_strain")] = 1.0 + sweep.cells[:, None]
+    sweep.fill(state, rows, np.arange(nodes))
+    sums = np.zeros((nodes, 2))
+    sweep.add_recorded(np.zeros(nodes * bulk.space.dofmap.index_map_bs), state, sums)
+    piecewise = fem.ufl.TestFunction(fem.dolfinx.fem.functionspace(mesh, ("DG", 0)))
+    form = fem.dolfinx.fem.form(piecewise * fem.ufl.dx(metadata={"quadrature_degree": 4}))
+    volume = np.where(bulk.only, fem.dolfinx.fem.assemble_vector(form).array, 0.0)
+    np.testing.assert_allclose(sums[:, 1].sum(), volume.sum(), rtol=1e-12)
+    np.testing.assert_allclose(sums[:, 0].sum(), volume @ (1.0 + np.arange(len(volume))), rtol=1e-12)
+
+
+class Renamed(DruckerPrager):
+    """Records a state of the name of another field."""
+
+    def recorded_states(self) -> dict[str, RecordedState]:
+        return {"velocity": RecordedState("1", "no velocity")}
+
+    def recorded(self, state: dict[str, Any]) -> dict[str, Any]:
+        return {"velocity": state["overstress"]}
+
+
+def test_wrong_records_of_a_state_are_refused() -> None:
+    table = {name: value for name, value in DP.items() if name != "kind"}
+    model = SimpleNamespace(given=[Renamed(**table)])
+    with pytest.raises(RuptfxError, match=r"renamed\.recorded_states: .*'velocity'"):
+        recorded_states(model)  # type: ignore[arg-type]
+
+    class Tensorial(DruckerPrager):
+        def recorded(self, state: dict[str, Any]) -> dict[str, Any]:
+            return {"plastic_strain": state["plastic_strain"]}
+
+    with pytest.raises(RuptfxError, match=facts("recorded: 'plastic_strain' must be a number")):
+        traced(Tensorial(**table), "strain")
+
+    class Missing(DruckerPrager):
+        def recorded(self, state: dict[str, Any]) -> dict[str, Any]:
+            return {}
+
+    with pytest.raises(RuptfxError, match=facts("missing.recorded: return a dict with plastic_strain")):
+        traced(Missing(**table), "strain")
 
 
 # -- points against closed forms -----------------------------------------------------------------------------------
