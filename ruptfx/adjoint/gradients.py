@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx import RuptfxError, fem
+from ruptfx.adjoint.bodies import ConstantChange
 from ruptfx.adjoint.history import LARGEST
 from ruptfx.adjoint.sweeps import Sweeps, Told
 from ruptfx.adjoint.unknowns import Place, chosen
@@ -31,6 +32,8 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True)
 class Derivative:
     """Derivative of the objective by one unknown, at all points of its interface in their order; on all ranks.
+
+    By a constant of bodies it is one value.
 
     Attributes
     ----------
@@ -109,7 +112,9 @@ class Objective:
         return self._derivatives(self._factors, unknowns, tell)
 
     def _derivatives(self, factors: list[Floats], unknowns: Sequence[Unknown], tell: Told) -> list[Derivative]:
-        found = chosen(self.sweeps.model, unknowns)
+        every = chosen(self.sweeps.model, unknowns)
+        of_bodies = self._by_constants(factors, [place for _, place in every if place.constant is not None], tell)
+        found = [each for each in every if each[1].constant is None]
         loaded = {key.key: np.zeros(0) for key, _ in found}
         points = self.sweeps.points
         for _, place in found:
@@ -122,13 +127,26 @@ class Objective:
                     of_shear = np.array(acts_on.shear_direction) @ of_parameters[1 : 1 + acts_on.tangents]
                     loaded[place.key] += place.nucleation.shear_traction(acts_on.interface.locations, time) * of_shear
 
-        gradient = self.sweeps.adjoint(factors, each_step, tell)
+        gradient = self.sweeps.adjoint(factors, each_step, tell) if found else []
         result = []
-        for unknown, place in found:
+        for unknown, place in every:
+            if place.constant is not None:
+                result.append(Derivative(unknown, place, of_bodies[place.key]))
+                continue
             names = list(points[place.fault].parameters)
             here = loaded[place.key] + sum(part * gradient[place.fault][names.index(name)] for name, part in place.rows)
             result.append(Derivative(unknown, place, self._whole(place.fault, here)))
         return result
+
+    def _by_constants(self, factors: list[Floats], found: list[Place], tell: Told) -> dict[str, Floats]:
+        """Return the derivatives by constants of bodies, by key: a tangent-linear sweep for each, all in one run."""
+        sweeps = self.sweeps
+        changes = [ConstantChange(sweeps.model, *place.constant) for place in found if place.constant is not None]
+        readings = sweeps.tangents_of_bodies(changes, tell)
+        return {
+            place.key: np.array([sum(float(a @ b) for a, b in zip(factors, of_constant, strict=True))])
+            for place, of_constant in zip(found, readings, strict=True)
+        }  # fmt: skip
 
     def residuals(self) -> tuple[Floats, Floats] | None:
         """Return the residuals of all readings and their derivatives by the values; None if a term has none."""
@@ -184,7 +202,7 @@ class Objective:
 
         data: dict[str, object] = {"objective": ((), self.value, {"units": self.unit, "long_name": "objective"})}
         coordinates: dict[str, object] = {}
-        for number in sorted({each.place.fault for each in derivatives}):
+        for number in sorted({each.place.fault for each in derivatives if each.place.constant is None}):
             fault = self.sweeps.points[number].fault
             face, dim = fault.interface, f"point_{fault.name}"
             coordinates[f"position_{fault.name}"] = (
@@ -199,16 +217,16 @@ class Objective:
                 dim, self._whole(number, face.weight), {"units": area, "long_name": "tributary length or area"}
             )
         for each in derivatives:
-            fault = self.sweeps.points[each.place.fault].fault
             by = f"({each.place.unit})" if set(each.place.unit) & set("/ ") else each.place.unit
             unit = f"{self.unit}/{by}" if by != "1" else self.unit
             about = {"units": unit, "unknown": each.unknown.key, "uniform_change": float(each.values.sum())}
-            if each.unknown.shape == "number":
+            if each.unknown.shape == "number" or each.place.constant is not None:
                 data[each.unknown.key] = ((), float(each.values.sum()), {
                     **about, "long_name": f"derivative by {each.unknown.key}, a number",
                 })  # fmt: skip
             else:
-                data[each.unknown.key] = (f"point_{fault.name}", each.values, {
+                name = self.sweeps.points[each.place.fault].fault.name
+                data[each.unknown.key] = (f"point_{name}", each.values, {
                     **about, "long_name": f"derivative by {each.unknown.key} at each point",
                 })  # fmt: skip
         about = {"case_hash": self.case.hash, "title": self.case.title, **self.sweeps.made.attributes}
@@ -227,7 +245,8 @@ def gradient(
     objective : Misfit or sequence of Misfit, optional
         Default is `[[objective]]` of the case.
     unknowns : sequence of Unknown or str
-        Default is `[[unknowns]]` of the case; without any, all that the case has.
+        Default is `[[unknowns]]` of the case; without any, all of its interfaces. Constants of bodies
+        (`materials.default.young_modulus`) are given.
     comm : MPI communicator, optional
         Default is all ranks of the job.
     progress : bool

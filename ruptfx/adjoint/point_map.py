@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +95,7 @@ class PointMap:
         self._found = [*(f"found_{k}" for k in t), "stuck", "opened"]
         step = _Step(fault, law, contact)
         self.outputs = list(step.outputs)
+        self._step, self._impedances = step, ["normal_impedance", *(f"shear_impedance_{k}" for k in t)]
         self._library = self._compile(step)
 
     # -- code ---------------------------------------------------------------------------------------------------
@@ -110,13 +112,9 @@ class PointMap:
             [*factors, np.where(step.slides > 0, -of_v / by_v, 0.0), np.where(symbol("opened") > 0, of_v, 0.0)],
         )
         pulled = transposed(seeds, inputs)
-        changes = {each: symbol(f"change_{i}") for i, each in enumerate(inputs)}
-        of_balance, of_free = directional([step.balance, step.free], changes, guarded=True)
-        of_v = np.where(step.slides > 0, -of_balance / by_v, np.where(symbol("opened") > 0, of_free, 0.0))
-        pushed = directional(outputs, {**changes, step.v: of_v}, guarded=True)
         known = [*self.inputs, *self._found, *self._known]
         functions = {
-            "value": (outputs, []), "push": (pushed, [f"change_{i}" for i in range(len(inputs))]),
+            "value": (outputs, []), "push": self._pushed(step, self.inputs),
             "pull": (pulled, [f"factor_{i}" for i in range(len(outputs))]),
         }  # fmt: skip
         return native.load(
@@ -125,6 +123,23 @@ class PointMap:
                 for name, (found, more) in functions.items()
             )
         )  # fmt: skip
+
+    def _pushed(self, step: _Step, inputs: Sequence[str]) -> tuple[list[Expression], list[str]]:
+        """Return the changes of the outputs from those of some inputs, and the names of these changes."""
+        names = [f"change_{i}" for i in range(len(inputs))]
+        changes = {symbol(each): symbol(name) for each, name in zip(inputs, names, strict=True)}
+        by_v = derivative(step.balance, step.v)
+        of_balance, of_free = directional([step.balance, step.free], changes, guarded=True)
+        of_v: Array = np.where(step.slides > 0, -of_balance / by_v, np.where(symbol("opened") > 0, of_free, 0.0))
+        return directional(list(step.outputs.values()), {**changes, step.v: of_v}, guarded=True), names
+
+    @cached_property
+    def _library_of_impedances(self) -> ctypes.CDLL:
+        """The function `push` with the impedances among the inputs; few need it, and it takes time to compile."""
+        pushed, names = self._pushed(self._step, [*self.inputs, *self._impedances])
+        found = substituted(pushed, {self._step.v: self._step.v_found})
+        code = _function("push", [*self.inputs, *self._found, *self._known, *names], found)
+        return native.load("point_map_impedances", "#include <math.h>\n" + code)
 
     # -- products -------------------------------------------------------------------------------------------------
 
@@ -146,8 +161,13 @@ class PointMap:
     def push(
         self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats, changes: Floats
     ) -> Floats:
-        """Return the changes of the outputs from those of the inputs, shape (inputs, n); other arguments as `value`."""
-        return self._call("push", clock, numbers, [history, parameters, found], len(self.outputs), changes)
+        """Return the changes of the outputs from those of the inputs, shape (inputs, n); other arguments as `value`.
+
+        After the inputs there may be changes of the normal impedance and of the shear impedances.
+        """
+        blocks = [history, parameters, found]
+        library = self._library if len(changes) == len(self.inputs) else self._library_of_impedances
+        return self._call("push", clock, numbers, blocks, len(self.outputs), changes, library)
 
     def pull(
         self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats, factors: Floats
@@ -164,8 +184,9 @@ class PointMap:
         return np.concatenate([rate, stuck[None].astype(float), opened[None].astype(float)])
 
     def _call(
-        self, name: str, clock: int, times: Clock, blocks: list[Floats], count: int, seeds: Floats | None = None
-    ) -> Floats:
+        self, name: str, clock: int, times: Clock, blocks: list[Floats], count: int, seeds: Floats | None = None,
+        library: ctypes.CDLL | None = None,
+    ) -> Floats:  # fmt: skip
         out = np.empty((count, self._n))
         numbers = np.array([times.dt, times.since, times.extrapolation, self._carried(times)])
         rows = [np.ascontiguousarray(each) for each in [*blocks, *([] if seeds is None else [seeds])]]
@@ -175,7 +196,7 @@ class PointMap:
             *arrays[:3], np.array([each.ctypes.data for each in known], np.uintp), *arrays[3:],
         ])  # fmt: skip
         results = _rows(out)
-        getattr(self._library, name)(
+        getattr(library or self._library, name)(
             ctypes.c_long(self._n), *(ctypes.c_void_p(each.ctypes.data) for each in (numbers, pointers, results))
         )
         return out

@@ -46,6 +46,25 @@ class Visit:
     after: list[Floats]
 
 
+@dataclass(frozen=True)
+class Moved:
+    """One step of a sweep forward with the motion of the bodies.
+
+    Attributes
+    ----------
+    visit : Visit
+    displacement, velocity : ndarray, shape (nodes * components,)
+        Before the step.
+    state : State
+        After it.
+    """
+
+    visit: Visit
+    displacement: Floats
+    velocity: Floats
+    state: State
+
+
 class Recomputation:
     """The steps of a run, and visits of them in either direction; all methods are collective.
 
@@ -174,6 +193,27 @@ class Recomputation:
         for segment in range(self.schedule.segments):
             self._record(segment, state)
             yield from self._visits(segment)
+
+    def with_bodies(self) -> Iterator[Moved]:
+        """Make the run again and yield its steps in their order, with the motion of the bodies.
+
+        What is kept for other sweeps stays.
+        """
+        kept, present = [each.rows for each in self.histories], self._present
+        for each in self.histories:
+            each.rows = np.empty((2, *each.rows.shape[1:]))
+        try:
+            state = self._model.initial_state()
+            for step in range(self._steps):
+                before = state.displacement.copy(), state.velocity.copy()
+                self._begin(present)
+                self._step(state)
+                self._close(state)
+                rows, after = ([each.rows[which] for each in self.histories] for which in (0, 1))
+                yield Moved(Visit(step, rows, after), *before, state)
+        finally:
+            for each, rows_kept in zip(self.histories, kept, strict=True):
+                each.rows = rows_kept
 
     def backward(self) -> Iterator[Visit]:
         """Yield all steps in the opposite order."""

@@ -15,7 +15,7 @@ being the factors of the objective on u and v:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ruptfx.adjoint.history import LARGEST
 from ruptfx.adjoint.point_map import InitialMap, PointMap
 from ruptfx.adjoint.readings import Readings
-from ruptfx.adjoint.recomputation import Recomputation
+from ruptfx.adjoint.recomputation import Moved, Recomputation
 from ruptfx.faults.fault_step import impedances
 from ruptfx.faults.points import Clock
 from ruptfx.fields import component_names
@@ -34,6 +34,7 @@ from ruptfx.operators import FusedOperator
 from ruptfx.recording.schedule import end_of
 
 if TYPE_CHECKING:
+    from ruptfx.adjoint.bodies import ConstantChange
     from ruptfx.faults.interface import Interface
     from ruptfx.model import Model
     from ruptfx.state import State
@@ -77,6 +78,9 @@ class Sweeps:
         Readings of the run.
     made : Recomputation
         The steps of the run.
+    kicks : list of Kick
+    clocks : list of Clock
+        By number of the step.
     """
 
     def __init__(
@@ -87,7 +91,7 @@ class Sweeps:
         self.model, self.dt = cast("Model", motion.model), motion.dt
         self.steps = number_of_steps(model.case.duration, self.dt)
         faults = next(each for each in motion.mechanisms if isinstance(each, Faults))
-        self._clocks = [Clock.of_step(self.dt, number) for number in range(3)]
+        self.clocks = [Clock.of_step(self.dt, number) for number in range(3)]
         self._collect(motion)
         self.points = [self._point_map(motion, number) for number in range(len(self.model.faults))] if record else []
         self.readings = Readings(self.model, self.dt, self.steps, requests(self.model, self.dt, self.steps))
@@ -103,6 +107,7 @@ class Sweeps:
         """Collect the diagonal factors of the update at all degrees of freedom, by number of the step."""
         c, nodes = self.model.components, motion.nodes
         self._keep, self._push, self._mobility = [], [], []
+        self.kicks = nodes.kicks
         for kick in nodes.kicks:
             keep = np.full(len(self.model.mass), kick.plain_keep)
             push = np.repeat(self.dt * kick.plain_push, c)
@@ -152,11 +157,11 @@ class Sweeps:
         for visit in self.made.forward():
             step = visit.step
             kick, time = min(step, 2), step * self.dt
-            clock = self._clocks[kick]
+            clock = self.clocks[kick]
             v = self._keep[kick] * v + self._push[kick] * (self._stiffness(u) + self._viscous(v))
             for number, points in enumerate(self.points):
                 face, row = points.fault.interface, visit.rows[number]
-                parameters, dp = self._loaded(number, time), changes[number]
+                parameters, dp = self.loaded(number, time), changes[number]
                 if (load := loads(number, time)) is not None:
                     dp = dp.copy()
                     dp[1 : 1 + points.fault.tangents] += np.outer(points.fault.shear_direction, load)
@@ -170,6 +175,34 @@ class Sweeps:
             u += self.dt * v
             self.readings.observe_change(step + 1, u, v, fields)
         return [sample.values for sample in self.readings.samples()]
+
+    def tangents_of_bodies(
+        self, changes: Sequence[ConstantChange], tell: Told = lambda done, text: None
+    ) -> list[list[Floats]]:
+        """Return the changes of all readings from those of constants of the bodies, for each constant; collective.
+
+        The run is made once more, and all constants advance beside it, because the bodies' motion is not kept.
+        """
+        if not changes:
+            return []
+        tangents = [_BodyTangent(self, each) for each in changes]
+        for moved in self.made.with_bodies():
+            step = moved.visit.step
+            kick, time = min(step, 2), step * self.dt
+            clock, found, traction = self.clocks[kick], [], []
+            # The velocity before contact acts on it, hence the effect of all forces on the bodies.
+            free = moved.state.velocity.copy()
+            for number, points in enumerate(self.points):
+                row = moved.visit.rows[number]
+                found.append(points.found(row, moved.visit.after[number], clock))
+                outputs = points.value(kick, clock, row, self.loaded(number, time), found[number])
+                traction.append(outputs[: points.local])
+                _add(points.fault.interface, free, self._mobility[kick],
+                     traction[number] * points.fault.interface.weight)  # fmt: skip
+            for each in tangents:
+                each.step(moved, kick, time, free, found, traction)
+            tell((step + 1) / self.steps, f"constants of bodies  step {step + 1} of {self.steps}")
+        return [each.readings() for each in tangents]
 
     def adjoint(
         self, factors: list[Floats], each_step: Callable[[int, float, Floats], None] = lambda fault, time, found: None,
@@ -197,7 +230,7 @@ class Sweeps:
         for visit in self.made.backward():
             step = visit.step
             kick, time = min(step, 2), step * dt
-            clock = self._clocks[kick]
+            clock = self.clocks[kick]
             of_outputs, named = self._empty(memory)
             for field, places, values in seeds.at(step + 1):
                 fields.add(field, places, values)
@@ -208,7 +241,7 @@ class Sweeps:
                 face, local, row = points.fault.interface, points.local, visit.rows[number]
                 of_output[:local] = -face.weight * _jump(face, fields.b, self._mobility[kick]).T
                 found = points.found(row, visit.after[number], clock)
-                pulled = points.pull(kick, clock, row, self._loaded(number, time), found, of_output)
+                pulled = points.pull(kick, clock, row, self.loaded(number, time), found, of_output)
                 width = len(points.memory)
                 _add(face, fields.a, None, pulled[:local])
                 _add(face, fields.b, None, pulled[local : 2 * local])
@@ -233,7 +266,7 @@ class Sweeps:
             named[points.fault.name] = _named(points, of_output)
         return found, named
 
-    def _loaded(self, number: int, time: float) -> Floats:
+    def loaded(self, number: int, time: float) -> Floats:
         """Return the parameters of a fault with the load of its nucleations."""
         fault, parameters = self.points[number].fault, self.parameters[number]
         if not fault.is_loaded:
@@ -241,6 +274,14 @@ class Sweeps:
         parameters = parameters.copy()
         parameters[1 : 1 + fault.tangents] += fault.load(time).T
         return parameters
+
+    def factors(self, kick: int) -> tuple[Floats, Floats, Floats]:
+        """Return keep, push and the velocity per impulse in contact of all degrees of freedom in a step."""
+        return self._keep[kick], self._push[kick], self._mobility[kick]
+
+    def force_of(self, displacement: Floats, velocity: Floats) -> Floats:
+        """Return the force of the bodies at a motion, complete at every local node."""
+        return self._stiffness(displacement) + self._viscous(velocity)
 
     def _stiffness(self, field: Floats) -> Floats:
         """Return -K times a field, complete at every local node."""
@@ -256,6 +297,67 @@ class Sweeps:
         self.model.layout.sum_shared(force)
         force *= viscosity.eta
         return force
+
+
+class _BodyTangent:
+    """Changes of the fields of a run from that of a constant of the bodies, which advance with its steps.
+
+    Parameters
+    ----------
+    sweeps : Sweeps
+    change : ConstantChange
+    """
+
+    def __init__(self, sweeps: Sweeps, change: ConstantChange) -> None:
+        self._sweeps, self._change, model = sweeps, change, sweeps.model
+        size = len(model.mass)
+        self._u, self._v = np.zeros(size), np.zeros(size)
+        self._memory = [np.zeros((len(each.memory), each.fault.interface.weight.size)) for each in sweeps.points]
+        self._kicks = [change.of_kick(each) for each in sweeps.kicks]
+        self._readings = Readings(model, sweeps.dt, sweeps.steps, sweeps.readings.requests)
+        self._readings.observe_change(0, self._u, self._v, {})
+
+    def step(
+        self, moved: Moved, kick: int, time: float, free: Floats, found: list[Floats], traction: list[Floats]
+    ) -> None:
+        """Advance by a step of the run; collective.
+
+        Parameters
+        ----------
+        moved : Moved
+        kick : int
+            Number of the step, at most 2.
+        time : float
+            At its beginning [s].
+        free : ndarray, shape (nodes * components,)
+            Velocity before contact has acted on it.
+        found, traction : list of ndarray
+            Slip rate and branch, and change of the traction, of every fault.
+        """
+        sweeps, change, u = self._sweeps, self._kicks[kick], self._u
+        keep, push, mobility = sweeps.factors(kick)
+        force = self._change.force(moved.displacement, moved.velocity, time) + sweeps.force_of(u, self._v)
+        v = change.keep * moved.velocity + change.push * (free - keep * moved.velocity) + keep * self._v + push * force
+        fields: dict[str, dict[str, Floats]] = {}
+        for number, points in enumerate(sweeps.points):
+            face, local = points.fault.interface, points.local
+            given = np.concatenate([
+                face.rate(u).T, face.rate(v).T, self._memory[number], np.zeros_like(sweeps.parameters[number]),
+                change.impedances[number],
+            ])  # fmt: skip
+            row, parameters = moved.visit.rows[number], sweeps.loaded(number, time)
+            changed = points.push(kick, sweeps.clocks[kick], row, parameters, found[number], given)
+            self._memory[number] = changed[local : local + len(points.memory)]
+            _add(face, v, -mobility, changed[:local] * face.weight)
+            _add(face, v, -mobility * change.push, traction[number] * face.weight)
+            fields[points.fault.name] = _named(points, changed)
+        u += sweeps.dt * v
+        self._v = v
+        self._readings.observe_change(moved.visit.step + 1, u, v, fields)
+
+    def readings(self) -> list[Floats]:
+        """Return the changes of all readings; collective."""
+        return [sample.values for sample in self._readings.samples()]
 
 
 class _Backward:

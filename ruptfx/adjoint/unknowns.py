@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ruptfx.adjoint.bodies import constants_of
 from ruptfx.faults.fault import Fault
 from ruptfx.friction import FrictionLaw
 from ruptfx.mechanisms import mechanisms_of
@@ -26,12 +27,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Place:
-    """Place of an unknown among the parameters of the interfaces.
+    """Place of an unknown among the parameters of the interfaces, or the constants of the bodies.
 
     Attributes
     ----------
     key, unit : str
     fault : int
+        -1 for a constant of bodies.
     rows : tuple of (str, float)
         Parameters of `PointMap` and their change by that of the unknown; none for a nucleation.
     nucleation : Nucleation, optional
@@ -43,29 +45,40 @@ class Place:
     fault: int
     rows: tuple[tuple[str, float], ...] = ()
     nucleation: Nucleation | None = None
+    constant: tuple[str, str] | None = None
+    """Material and name of a constant of bodies."""
+
+
+def constants(model: Model) -> dict[str, Place]:
+    """Return the constants of the bodies by which a run is differentiated, by key."""
+    keys = {f"materials.{name}.{each}": (name, each, unit) for name, each, unit in constants_of(model)}
+    return {key: Place(key, unit, -1, constant=(name, each)) for key, (name, each, unit) in keys.items()}
 
 
 def places(model: Model) -> dict[str, Place]:
-    """Return all unknowns that a case has, by key."""
+    """Return all unknowns that the interfaces of a case have, by key."""
     return {place.key: place for number, fault in enumerate(model.faults) for place in _of_fault(model, number, fault)}
 
 
 def chosen(model: Model, unknowns: Sequence[Unknown]) -> list[tuple[Unknown, Place]]:
-    """Return the given unknowns, or all, with their places.
+    """Return the given unknowns, or all of the interfaces, with their places.
 
     Raises
     ------
     CaseError
-        A key that is no unknown of the case, or given twice.
+        A key that is no unknown of the case, or given twice; knots of a constant of bodies.
     """
     known = places(model)
     given = list(unknowns) or [Unknown(key=key) for key in known]
+    known |= constants(model)
     for number, each in enumerate(given):
         if each.key not in known:
             hint = nearest(each.key, list(known))
             raise CaseError(f"unknowns.{number}.key = '{each.key}': cannot be differentiated, {hint}")
         if each.key in [other.key for other in given[:number]]:
             raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
+        if known[each.key].constant is not None and each.shape == "knots":
+            raise CaseError(f"unknowns.{number}.shape = 'knots': '{each.key}' is one number; use shape = 'number'")
     return [(each, known[each.key]) for each in given]
 
 

@@ -57,6 +57,12 @@ class Inversion:
             model = Model(case, comm)
         refuse(model)
         self._model = model.in_steps("explicit")
+        for number, (unknown, place) in enumerate(chosen(self._model, case.unknowns)):
+            if place.constant is not None:
+                raise CaseError(
+                    f"unknowns.{number}.key = '{unknown.key}': infer recovers quantities of interfaces, and this is a "
+                    "constant of bodies; remove it, ruptfx gradient has its sensitivity"
+                )
         self._variables = [
             Variable(self._model, unknown, place, f"unknowns.{number}")
             for number, (unknown, place) in enumerate(chosen(self._model, case.unknowns))

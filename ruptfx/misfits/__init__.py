@@ -136,7 +136,8 @@ class Unknown(Part):
     """A quantity of a case by which an objective is differentiated, and which `ruptfx infer` recovers."""
 
     key: Annotated[str, Field(min_length=1)]
-    """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`."""
+    """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`; in
+    `ruptfx gradient` also constants of bodies, `materials.default.density`."""
     shape: Literal["field", "number", "knots"] = "field"
     """Values at all points of the interface, one number that is added everywhere, or numbers that are added at knots
     and interpolated linearly between them."""

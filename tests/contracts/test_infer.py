@@ -340,6 +340,7 @@ NUMBER = {"key": SHEAR, "shape": "number"}
     ({"unknowns": [{**NUMBER, "scale": "log"}], "faults.main.initial_stress.shear": -1e6},
      r"unknowns\.0\.scale = 'log'.* -1e\+06"),
     ({"unknowns": [{"key": "faults.main.friction.mu"}]}, r"unknowns\.0\.key .*did you mean"),
+    ({"unknowns": [{"key": "materials.default.density"}]}, r"unknowns\.0\.key .*this is a constant of bodies"),
 ])  # fmt: skip
 def test_what_cannot_be_inferred_is_refused_before_the_first_step(
     changes: dict[str, Any], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
