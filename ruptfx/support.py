@@ -295,10 +295,11 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
         yield Refusal(sliding, "with [fracture] interfaces join the facets that they begin with", drop=(sliding,))
     if way is not None and cast(type[Fracture], way).rigid:
         kind = cast(type[Fracture], way).kind()
-        faults = tuple(f"faults.{name}.contact" for name in _faults(choices, "contact"))
-        if faults:
-            reason = f"fracture.kind = '{kind}' allows no prescribed interface beside its facets"
-            yield Refusal(faults, reason, (("fracture",),))
+        contact = {name: cast(type[ContactMethod], part) for name, part in _faults(choices, "contact").items()}
+        keys = tuple(f"faults.{name}.contact" for name, method in contact.items() if not method.traction_ends_slip)
+        if keys:
+            reason = f"beside facets of fracture.kind = '{kind}' tractions of an interface follow from its displacement"
+            yield Refusal(keys, reason, (keys, ("fracture",)))
         for key, why in ((large, "is for small ones"), ("collisions", "has no springs to go by")):
             if key in choices:
                 yield Refusal((key,), f"fracture.kind = '{kind}' {why}", (("fracture",),), ((key,),))

@@ -15,6 +15,7 @@ WEAK = {"kind": "linear", "f_t": 4e6, "c": 10e6, "G_Ic": 20.0, "G_IIc": 60.0}
 NEVER = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e6, "G_IIc": 1e6}
 BRITTLE = {"kind": "linear", "f_t": 1e6, "c": 1.5e6, "G_Ic": 0.01, "G_IIc": 0.03}
 RUBS = {"kind": "coulomb", "mu_d": 0.6}
+SOFT = {"kind": "compliant", "C_n": 2e14, "C_s": 1e14}
 
 
 def block(changes: dict[str, Any] | None = None) -> dict[str, Any]:

@@ -1,10 +1,11 @@
-"""A plug-in: rectangles of triangles for tests, without Gmsh."""
+"""A plug-in: triangles for tests, rectangles without Gmsh and a fault with a branch."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes.branched_fault import BranchedFault
 from ruptfx.units import Coordinate, Length
 
 
@@ -59,3 +60,18 @@ class Triangles(MeshSource):
         if len(bodies) == 1:
             edges |= {"rock.left": chain(number[0]), "rock.right": chain(number[-1])}
         return RawMesh("triangle", points, cells, bodies, cell_body, edges=edges, interfaces=interfaces)
+
+
+class BranchedTriangles(BranchedFault):
+    """The quadrilaterals of a fault with a branch, each cut along the diagonal from its lowest node."""
+
+    def build(self) -> RawMesh:
+        raw = super().build()
+        ring = raw.cells[:, [0, 1, 3, 2]]  # around each quadrilateral
+        # From the junction, so that no triangle there has a side on both interfaces.
+        at_junction = np.linalg.norm(raw.points - [self.junction, 0.0], axis=1) < 1e-9
+        first = np.where(at_junction[ring].any(axis=1), at_junction[ring].argmax(axis=1), ring.argmin(axis=1))
+        a, b, c, d = np.take_along_axis(ring, (first[:, None] + np.arange(4)) % 4, axis=1).T
+        raw.cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+        raw.cell, raw.cell_body = "triangle", np.tile(raw.cell_body, 2)
+        return raw

@@ -42,7 +42,7 @@ class _Rigid(ctypes.Structure):
     _fields_ = [("cells", ctypes.c_long), ("facets", ctypes.c_long), *((name, ctypes.c_void_p) for name in (
         "star_start", "star", "ends_start", "ends", "place", "corner", "cell", "group", "first_number", "dof", "body",
         "leader", "split", "inserted", "left", "normal", "weight", "owned", "number", "strength", "gradient",
-        "stiffness", "mass", "stress",
+        "stiffness", "mass", "initial", "stress",
     ))]  # fmt: skip
 
 
@@ -58,6 +58,8 @@ class RigidCracks(CrackStep):
     leader : ndarray of int32, shape (nodes,)
         First corner, in the order of the input, of the component of every corner.
     """
+
+    ties_corners = True
 
     def _prepare(self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, plane: Plane) -> None:
         assert isinstance(self.fracture, Extrinsic)
@@ -79,6 +81,7 @@ class RigidCracks(CrackStep):
         self._keep("gradient", gradient.reshape(count, 6).T)  # numbers of neighbouring cells next to each other
         self._keep("stiffness", np.array([[modulus[entry] for entry in entries] for modulus in moduli]))
         self._keep("stress", np.zeros((3, count)))
+        self._keep("initial", self.initial_stress[[0, 1, 0], [0, 1, 1]])
         self._keep("dof", self._dof.T)
         self._keep("body", bodies.cell_body[:count].astype(np.int32))
         self._keep("corner", self.corners.astype(np.int32))
@@ -154,7 +157,7 @@ class RigidCracks(CrackStep):
         given = {
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
-            "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1],
+            "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1], "PRELOADED": int(self.initial_stress.any()),
         }  # fmt: skip
         whole = _source("rigid_types.c") + text + f"static const struct law LAWS[] = {{{laws}}};\n"
         shared = "".join(files("ruptfx").joinpath(part).read_text() for part in SHARED)
@@ -359,9 +362,7 @@ class RigidCracks(CrackStep):
         """Add the forces of tractions, and give all corners of a component their sum [N]."""
         self.adopt(state)
         facet, end = np.nonzero(self.leader[self.corners[:, 0]] != self.leader[self.corners[:, 1]])
-        normal, shear = (state[name][facet, end][:, None] for name in ("normal_traction", "shear_traction"))
-        n = self.normal[facet]
-        forces = self.weight[facet, None] * (normal * n + shear * np.stack([n[:, 1], -n[:, 0]], axis=1))
+        forces = self.weight[facet, None] * self._beyond_initial(state, self.normal, self.tangent)[facet, end]
         rows = force.reshape(-1, 2)
         np.add.at(rows, self.corners[facet, 0, end], forces)
         np.add.at(rows, self.corners[facet, 1, end], -forces)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -112,6 +112,8 @@ class CrackStep:
         Length that an end stands for [m], nothing where somebody else cares for the contact, and half of the facet.
     position : ndarray, shape (facets, 2)
         Coordinate of the ends at which profiles are evaluated [m].
+    initial_stress : ndarray, shape (2, 2)
+        Uniform initial stress of the bodies, tension positive [Pa].
     initial : ndarray, shape (facets, 2)
         Normal and shear traction of the initial state, in equilibrium with the bodies [Pa].
 
@@ -120,6 +122,9 @@ class CrackStep:
     CaseError
         On all ranks: pairs of unknown bodies, laws that cracks do not support.
     """
+
+    ties_corners: ClassVar[bool] = False
+    """Whether corners at a vertex move as one until facets separate them."""
 
     def __init__(
         self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, fracture: Fracture,
@@ -168,6 +173,7 @@ class CrackStep:
         self.weight = self.half_length.copy()
         self.normal = net.normal[self.order]
         self.initial = np.zeros((len(self.order), 2))
+        self.initial_stress = np.zeros((2, 2)) if initial_stress is None else initial_stress
         if initial_stress is not None:
             traction = self.normal @ initial_stress
             self.initial = np.stack([np.sum(traction * axis, axis=1) for axis in (self.normal, self.tangent)], axis=1)

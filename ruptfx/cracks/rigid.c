@@ -121,6 +121,9 @@ long check(const struct rigid *r, const double *displacement, double *const *sta
         stress_xx[c] = stiffness[0] * xx + stiffness[1] * yy + stiffness[2] * xy;
         stress_yy[c] = stiffness[1] * xx + stiffness[3] * yy + stiffness[4] * xy;
         stress_xy[c] = stiffness[2] * xx + stiffness[4] * yy + stiffness[5] * xy;
+#if PRELOADED
+        stress_xx[c] += r->initial[0], stress_yy[c] += r->initial[1], stress_xy[c] += r->initial[2];
+#endif
     }
     long count = 0;
     for (long first = 0; first < facets; first += CHUNK) {
@@ -237,9 +240,19 @@ static void vertex(const struct rigid *r, long v, double dt, double kick, double
         end->z_shear = impedance(end->weight, mobility[minus], mobility[plus], end->ny, -end->nx);
         if (end->z_normal == 0) end->normal = 0;
         if (end->z_shear == 0) end->shear = 0;
+#if PRELOADED  // the bodies are in equilibrium with the initial tractions: only what exceeds them acts on the components
+        const double *initial = r->initial;
+        const double fx = end->weight * (initial[0] * end->nx + initial[2] * end->ny);
+        const double fy = end->weight * (initial[2] * end->nx + initial[1] * end->ny);
+        sum[minus][0] -= fx, sum[minus][1] -= fy, sum[plus][0] += fx, sum[plus][1] += fy;
+#endif
         const double size = fabs(end->normal) + fabs(end->shear) + r->strength[2 * r->group[end->at / 2]];
         patch.scale = fmax(patch.scale, size);
     }
+#if PRELOADED
+    for (int p = 0; p < patch.pieces; p++)
+        for (int i = 0; i < 2; i++) speed[p][i] += mobility[p][i] * sum[p][i];
+#endif
     const int count = patch.count;
     const double error = count ? solve(&patch) : 0;
     if (!(error <= taken[3])) taken[3] = error, taken[4] = v;

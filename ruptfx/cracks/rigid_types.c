@@ -21,5 +21,6 @@ struct rigid {
     const int *star_start, *star, *ends_start, *ends, *place, *corner, *cell, *group, *first_number, *dof, *body;
     int *leader, *split, *inserted, *left;
     const double *normal, *weight, *owned, *number, *strength, *gradient, *stiffness, *mass;
+    const double *initial;  // uniform initial stress xx, yy, xy, where PRELOADED
     double *stress;
 };

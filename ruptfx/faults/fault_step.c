@@ -59,8 +59,8 @@ INLINE void push(int count, double kick, const long *plus, const long *minus, co
 }
 
 // plus, minus: first degree of freedom of the nodes. result: as points.c says; fields and velocities are of no use when a
-// point failed. result[6] is what cohesion took [J], with split nodes in shear only; [7] what its contact took that opened or
-// closed within the step.
+// point failed. result[6] is what cohesion took [J], with split nodes in shear only; [7] what contact took that opened or
+// closed within the step, where slip ends with the traction.
 void update(long n, const struct times *times, const long *plus, const long *minus, const double *displacement,
             double *velocity, double *force, const double *fixed, const double *number, double *const *field,
             double *result)
@@ -78,8 +78,9 @@ void update(long n, const struct times *times, const long *plus, const long *min
         point(times, number, &points);
         if (failed(first, count, &points, result)) return;
         write_back(count, times, number, &points, dissipated);
+        for (int l = 0; l < LANES; l++) met += points.met[l];
 #if BONDED
-        for (int l = 0; l < LANES; l++) fractured += points.fractured[l], met += points.met[l];
+        for (int l = 0; l < LANES; l++) fractured += points.fractured[l];
 #endif
         store(first, count, field, &points);
         push(count, times->kick, plus + first, minus + first, &points, velocity, force);

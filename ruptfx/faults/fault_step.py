@@ -39,7 +39,7 @@ def impedances(interface: Interface, inverse_mass: np.ndarray, kick: float) -> t
     mobility = np.einsum("ikc,ic->ik", interface.rows**2, both)
     # If both sides are driven the impedance is infinite. It is limited to 1e8 times that of others: tractions are
     # small differences of terms with this factor, and would be lost in rounding.
-    mobility = np.maximum(mobility, 1e-8 * mobility.max(initial=1e-300))
+    mobility = np.maximum(mobility, 1e-8 * mobility.max(initial=1e-100))
     z = 1 / (kick * interface.weight[:, None] * mobility)
     return z[:, 0], z[:, interface.frame.shape[1] - interface.tangents :]
 
@@ -103,10 +103,10 @@ class FaultStep:
 
     def impact_loss(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:
         """Return the energy lost in closing gaps over a step, points of this rank [J]."""
+        if self.fault.contact.traction_ends_slip:
+            return float(self._result[7])
         if rate_old is None:
             return 0.0
-        if self.fault.cohesion is not None and self.fault.contact.traction_ends_slip:
-            return float(self._result[7])
         face = self.fault.interface
         rate, _ = face.split(face.rate(velocity))
         power = self.fault.contact.lost_in_impact(np.maximum(state["normal_stress"], 0.0), rate_old, rate)

@@ -41,9 +41,10 @@ struct points {
     lanes rate_now, speed_then;                  // slip rate at the traction, and at the one before
     lanes slope, stress_slope, before_slope;     // of the strength, for implicit steps
     lanes change[LOCAL];                         // traction beyond the initial one
+    lanes met;                                   // energy lost by contact that opens or closes within the step [J]
 #if BONDED
     lanes tension, bond;                         // strengths that cohesion has left, in tension and shear beyond friction
-    lanes fractured, met;                        // energy it took, and what contact took that opened or closed [J]
+    lanes fractured;                             // energy it took [J]
     lanes damage;                                // at which they are
 #endif
 };
@@ -375,6 +376,9 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
         points->fractured[l] = l < count ? FIXED(owned_area) * part * power * duration : 0;
         points->met[l] = 0;
         power -= part * power;
+#else
+        const double mean_stress = AT_END ? 0.5 * (OLD(normal_stress) + normal_stress) : 0;
+        points->met[l] = l < count ? FIXED(owned_area) * mean_stress * (OLD(opening) - NEW(opening)) : 0;
 #endif
         dissipated[l] += l < count ? FIXED(owned_area) * power * duration : 0;
         (void)speed, (void)speed_then;

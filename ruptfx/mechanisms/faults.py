@@ -48,7 +48,7 @@ class Faults(Mechanism):
     @classmethod
     def of(cls, model: System) -> list[Fault]:
         """Return the faults that this mechanism handles."""
-        return [fault for fault in model.faults if not fault.slides]
+        return [fault for fault in model.faults if not fault.slides and not ties_corners(model)]
 
     @classmethod
     def present(cls, model: System) -> bool:
@@ -165,6 +165,11 @@ class Faults(Mechanism):
         area = fault.interface.owned * fault.interface.weight
         state.add_energy(fault.name, "frictional_dissipation", float(area @ np.sum(traction * way, axis=1)))
         state.energy["boundary_work"] += float(area @ np.sum(fault.load(0.0) * way, axis=1))
+
+
+def ties_corners(model: System) -> bool:
+    """Return whether the corners of cells at a vertex move as one, so that no fault has nodes of its own."""
+    return model.cracks is not None and model.cracks.ties_corners
 
 
 def _contact_springs(fault: Fault, count: int) -> Springs:

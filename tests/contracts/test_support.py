@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any, get_args
 
 import pytest
-from crack_cases import HERE, block
+from crack_cases import HERE, block, faulted
 from messages import facts, facts_of
 from small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates
 from typer.testing import CliRunner
@@ -78,6 +78,10 @@ CELLS: list[tuple[str, dict[str, Any]]] = [
 ] + [
     (f"{kind}, {stepper}, {feature}", block({"fracture.kind": kind, "stepper": {"kind": stepper}, **changes}))
     for kind, stepper, (feature, changes) in product(alternatives("ruptfx.cracks"), STEPPERS, OF_CRACKS.items())
+] + [
+    (f"{kind} beside {method}", faulted({
+        "fracture.kind": kind, "faults.main.contact": {"kind": method, **table(METHODS[method])},
+    })) for kind, method in product(alternatives("ruptfx.cracks"), METHODS)
 ]  # fmt: skip
 
 
@@ -173,6 +177,9 @@ def test_the_table_says_what_cases_are_refused() -> None:
         assert judged(f"contact {method}", "stepper", stepper) == accepted[f"{method}, {stepper}, plain"]
     for kind, stepper in product(alternatives("ruptfx.cracks"), STEPPERS):
         assert judged(f"fracture {kind}", "stepper", stepper) == accepted[f"{kind}, {stepper}, plain"]
+    for kind, method in product(alternatives("ruptfx.cracks"), METHODS):
+        beside = f"fracture {kind} beside an interface"
+        assert judged(beside, "contact", method) == accepted[f"{kind} beside {method}"], f"{kind}, {method}"
     for stepper in STEPPERS:
         assert judged("large rotations", "stepper", stepper) == accepted[f"intrinsic, {stepper}, turning"]
         assert judged("collisions potential", "stepper", stepper) == accepted[f"intrinsic, {stepper}, meeting"]
