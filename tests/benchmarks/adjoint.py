@@ -268,7 +268,7 @@ def of_ranks(ranks: int = 2, part: float = 1.0) -> float:
     ----------
     ranks : int
     part : float
-        Memory on the ranks over that of the whole history; with less than one steps are computed again.
+        Memory on the ranks over that of the whole history on one rank; with less than one steps are computed again.
     """
     import xarray
 
@@ -279,7 +279,9 @@ def of_ranks(ranks: int = 2, part: float = 1.0) -> float:
         path.write_text(tomli_w.dumps(table), encoding="utf-8")
         found: list[xarray.Dataset] = []
         for count in (1, ranks):
-            out, memory = Path(folder, str(len(found))), 4e9 if not found else part * found[0].attrs["memory"]
+            # Ranks that share points keep more than one rank alone.
+            memory = part * found[0].attrs["memory"] if found and part < 1 else 4e9
+            out = Path(folder, str(len(found)))
             options = ["--out", str(out), "--memory", str(memory / 1e9), "--quiet"]
             if launch.run_on(count, ["gradient", str(path), *options]):
                 raise RuptfxError(f"bench adjoint: the gradient did not run on {count} rank(s)")
