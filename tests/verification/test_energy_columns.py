@@ -175,6 +175,32 @@ def test_plastic_impact() -> None:
     assert found["kinetic"] + found["strain"] + found["impact_loss"] == pytest.approx(whole, rel=1e-12)
 
 
+def test_springs_that_close_and_open_within_steps() -> None:
+    """A block comes down on springs, 0.13 um below, and jumps off again: `impact_loss` of the step of a transition is
+    the mean traction times the way of the open contact in it, of either sign."""
+    speed, gap = 3.0, 0.13e-6
+    mesh = {"kind": "block_on_rigid", "length": LENGTH, "height": HEIGHT, "element_size": 1e-3}
+    springs = {"kind": "compliant", "C_n": 1e13, "C_s": 1e13}
+    given = case({"order": 1, "mesh": mesh, "faults.main.contact": springs, "faults.main.initial_stress.normal": 0.0,
+                  "faults.main.gap": gap})  # fmt: skip
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    state.velocity[1::2] = -speed
+    whole, fields, losses, by_hand = 0.5 * RHO * LENGTH * HEIGHT * speed**2, state.faults["main"], [], []
+    area = model.faults[0].interface.weight
+    while state.time < 8e-6:
+        old = fields["normal_stress"].copy(), fields["opening"].copy()
+        before = state.energy["impact_loss"]
+        motion.step(state)
+        losses.append(state.energy["impact_loss"] - before)
+        by_hand.append(area @ (0.5 * (old[0] + fields["normal_stress"]) * (old[1] - fields["opening"])))
+        found = motion.energies(state)
+        kept = sum(found[name] for name in ("kinetic", "strain", "interface_elastic", "frictional_dissipation"))
+        assert kept + found["impact_loss"] == pytest.approx(whole, rel=1e-12)
+    np.testing.assert_allclose(losses, by_hand, rtol=0, atol=1e-15 * whole)
+    assert fields["opening"].min() > gap and max(losses) > 1e-6 * whole and min(losses) < -1e-6 * whole
+
+
 def test_what_collisions_lose_is_the_error_of_the_step() -> None:
     """`collision_loss` is what is left of the work of contact when its energy and friction are taken off. With steps a
     third of the stable ones little is: a hundredth of a wrong energy or friction would be more than all of it."""
