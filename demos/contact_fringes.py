@@ -47,8 +47,10 @@ with style():
         raster = Raster(bulk["points"].values, bulk["cells"].values)
         order = fringe_order(raster(bulk["fringe"].isel(time=-1).values), constant, thickness)
         extent = [1e3 * value for value in raster.extent]
-        ax.imshow(intensity(order), origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
+        image = ax.imshow(intensity(order), origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
         ax.set(title=f"{name}: up to {np.nanmax(order):.1f} fringes", xlabel="x (mm)")
     axes[0, 0].set_ylabel("y (mm)")
+    label = f"Dark-field intensity, {1e-6 * constant / thickness:.3g} MPa per fringe"
+    figure.colorbar(image, ax=list(axes[0]), label=label)
     letter(axes[0])
 save(figure, records["rough"].path / "figures" / "pair.png", "png")

@@ -37,9 +37,9 @@ class RuptfxError(Exception):
     Attributes
     ----------
     exit_code : int
-        Of a command that ends with it.
+        Exit code of a command that ends with it.
     at_once : bool
-        Whether a command must end without the clean-up of its libraries.
+        True if a command must end without the clean-up of its libraries.
     """
 
     exit_code: ClassVar[int] = 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import inspect
 import sys
 from importlib import import_module
 from typing import Annotated, Any
@@ -56,10 +57,16 @@ def main(version: Annotated[bool, typer.Option("--version", help="Print the vers
         raise typer.Exit
 
 
+def _paragraphs(text: str) -> str:
+    """Return a docstring with each paragraph on one line: the help breaks lines at the width of the terminal."""
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n"))
+
+
 for _heading, _names in COMMANDS.items():
     for _name in _names:
         _function = getattr(import_module(f"ruptfx.commands.{_name}"), _name)
-        app.command(name=_name.replace("_", "-"), cls=Command, rich_help_panel=_heading)(_function)
+        _help = _paragraphs(_function.__doc__)
+        app.command(name=_name.replace("_", "-"), cls=Command, help=_help, rich_help_panel=_heading)(_function)
 
 
 def program() -> None:

@@ -44,6 +44,10 @@ class MissingFileError(RecordError):
     """The run has no such file, or not yet."""
 
 
+class OutsideError(RecordError):
+    """Nothing was saved in the chosen part of the run."""
+
+
 class Data(Protocol):
     """Interface of the arrays of a file for analysis and figures: `Columns` or an `xarray.Dataset`."""
 
@@ -78,7 +82,9 @@ class Files:
     Attributes
     ----------
     omitted : list of str
-        What was left out for want of the plug-ins.
+        Parts of figures that were left out for want of the plug-ins.
+    outside : dict of str to str
+        Figures that were left out because their data have no time of this part of the run, with the reason.
     case, summary, interface, interfaces, bulk, energy, instruments, attachments, forces, cracks, events, edges
         As of `Record`.
 
@@ -89,7 +95,8 @@ class Files:
     """
 
     def __init__(self, path: str | Path, trust: bool = False, checks: bool = True) -> None:
-        self.path, self.trust, self.omitted = Path(path), trust, list[str]()
+        self.path, self.trust = Path(path), trust
+        self.omitted, self.outside = list[str](), dict[str, str]()
         self._checks, self._checked = checks, set[str]()
         self._open: list[h5py.File] = []
         self.since, self.until = 0.0, float(np.inf)
@@ -116,7 +123,7 @@ class Files:
         part.until = self.until if until is None else min(until, self.until)
         if not part.until > part.since >= 0:
             raise RecordError(f"from {part.since:g} to {part.until:g} s: give an earlier and a later time")
-        part.omitted = self.omitted
+        part.omitted, part.outside = self.omitted, self.outside
         return part
 
     @property
@@ -129,7 +136,7 @@ class Files:
 
         Raises
         ------
-        RecordError
+        OutsideError
             Nothing was saved then.
         """
         if not self.is_part:
@@ -138,7 +145,7 @@ class Files:
         near = 1e-9 * (abs(times[-1]) if len(times) else 0.0)
         rows = slice(int(np.searchsorted(times, self.since - near)), int(np.searchsorted(times, self.until + near)))
         if rows.stop <= rows.start and len(times):
-            raise RecordError(
+            raise OutsideError(
                 f"{self.path}: nothing was saved from {self.since:g} to {self.until:g} s; the saved times are "
                 f"{times[0]:g} to {times[-1]:g} s"
             )
@@ -386,12 +393,14 @@ class Record(Files):
     trust : bool
         Run the plug-ins of the run where figures need the code of its laws. They can do what you can.
     checks : bool
-        As of `Files`.
+        Compare every file of a complete run with its checksum at its first use.
 
     Attributes
     ----------
     omitted : list of str
-        What was left out for want of the plug-ins.
+        Parts of figures that were left out for want of the plug-ins.
+    outside : dict of str to str
+        Figures that were left out because their data have no time of this part of the run, with the reason.
     case : dict
         The resolved case.
     summary : dict or None

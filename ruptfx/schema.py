@@ -19,7 +19,7 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, get_args
 
 import numpy as np
 from pydantic import (
@@ -52,14 +52,21 @@ class CaseError(RuptfxError):
     @classmethod
     def from_validation(cls, error: ValidationError, where: str = "") -> CaseError:
         """Convert the report of pydantic: one line per problem, ``key = value: problem``."""
-        lines = []
-        for item in error.errors(include_url=False):
+        lines, meant = [], set[str]()
+        items = error.errors(include_url=False)
+        # Unknown keys first: a required key that one of them means is not reported as missing.
+        for item in sorted(items, key=lambda item: not isinstance(item["input"], _UnknownKey)):
             # Tags of unions (`<number>`) and of dictionaries (`[key]`) are pydantic's own steps, not keys of the case.
             path = [shown_key(part) for part in (where, *item["loc"]) if not str(part).startswith(("<", "[key]"))]
             key = ".".join(part for part in path if part) or "case"
-            if item["type"] == "missing":
-                lines.append(f"{key}: this key is required and missing")
-            elif item["type"] in ("unknown_key", "unknown_kind"):
+            unknown = item["input"]
+            if isinstance(unknown, _UnknownKey):
+                table = ".".join(part for part in path[:-1] if part)
+                lines.append(f"{table or 'case'}: unknown key '{path[-1]}', {nearest(unknown.key, unknown.known)}")
+                meant.add(".".join(filter(None, (table, closest(unknown.key, unknown.known)))))
+            elif item["type"] == "missing":
+                lines += [] if key in meant else [f"{key}: this key is required and missing"]
+            elif item["type"] == "unknown_kind":
                 lines.append(f"{key}: {item['msg']}")
             else:
                 # A table is known by its key.
@@ -152,8 +159,20 @@ def nearest(word: str, known: Iterator[str] | list[str]) -> str:
     known = sorted(known)
     if not known:
         return "there are none"
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
+    close = closest(word, known)
+    return f"did you mean '{close}'?" if close else f"known: {', '.join(known)}"
+
+
+def closest(word: str, known: list[str]) -> str:
+    """Return the known word that is most like another one; the empty text if none is."""
+    return next(iter(difflib.get_close_matches(word, sorted(known), n=1, cutoff=0.6)), "")
+
+
+class _UnknownKey(NamedTuple):
+    """Value in the place of that of an unknown key: pydantic refuses it together with all other errors of the table."""
+
+    key: str
+    known: list[str]
 
 
 class Bound:
@@ -230,11 +249,8 @@ class Part(BaseModel, metaclass=_Reworded):
                 name = cls.former_keys[former]
                 warn_of_former("the key", former, name)
                 values[name] = values.pop(former)
-            unknown = [str(key) for key in values if key not in cls.model_fields]
-            if unknown:
-                known = list(cls.model_fields)
-                hints = "; ".join(f"unknown key '{shown_key(key)}', {nearest(key, known)}" for key in unknown)
-                raise PydanticCustomError("unknown_key", "{hints}", {"hints": hints})
+            known = list(cls.model_fields)
+            values |= {key: _UnknownKey(str(key), known) for key in values if key not in cls.model_fields}
         return values
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -148,6 +148,7 @@ class Entries(Directive):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
+        self.state.document.settings.env.note_reread()  # made from the code, whatever files of docs changed
         topic = self.arguments[0]
         found = list(describe.entries(topic))
         broken = [entry.name for entry in found if entry.problem]
@@ -160,6 +161,7 @@ class Commands(Directive):
     """Every command with its arguments and options."""
 
     def run(self) -> list[nodes.Node]:
+        self.state.document.settings.env.note_reread()  # made from the code, whatever files of docs changed
         group = typer.main.get_command(app)
         return [self._command(name, command) for name, command in group.commands.items()]  # type: ignore[attr-defined]
 
@@ -186,6 +188,7 @@ class Fields(Directive):
     """Table of the interface fields, without the state of the law."""
 
     def run(self) -> list[nodes.Node]:
+        self.state.document.settings.env.note_reread()  # made from the code, whatever files of docs changed
         rows = [(item.name, item.unit, item.long_name) for item in (*FIELDS, *DERIVED, *MONITORS) if item.recorded]
         for item in OF_SLIDING:
             meanings = ", ".join(f"{number} {text}" for number, text in enumerate(item.meanings))
@@ -200,6 +203,7 @@ class Support(Directive):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
+        self.state.document.settings.env.note_reread()  # made from the code, whatever files of docs changed
         found = next((each for each in support_table.tables() if each.topic == self.arguments[0]), None)
         if found is None:
             raise self.error(f"no table of '{self.arguments[0]}'")

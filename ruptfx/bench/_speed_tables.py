@@ -9,7 +9,7 @@ from ruptfx import Table
 Cells = tuple[str, ...]
 
 STEPS = (
-    "element", "nodes", "ranks", "M updates/s/core", "bytes/node", "x ufl_form", "x stock ufl", "x PETSc",
+    "element", "nodes", "ranks", "M updates /s /core", "bytes /node", "x ufl_form", "x stock ufl", "x PETSc",
     "of bandwidth", "interface", "speed-up",
 )  # fmt: skip
 

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ruptfx import RuptfxError
 from ruptfx.materials import Plane
-from ruptfx.schema import Alternative, Name, alternative, nearest
+from ruptfx.schema import Alternative, CaseError, Name, alternative, nearest
 from ruptfx.units import Duration, Frequency, Length
 
 if TYPE_CHECKING:
@@ -99,5 +99,5 @@ def camera_from(table: dict[str, Any]) -> Camera:
     try:
         found: Camera = TypeAdapter(AnyCamera).validate_python(table)
     except ValidationError as error:
-        raise RuptfxError(f"camera: {error.errors()[0]['msg']}") from None
+        raise CaseError.from_validation(error, "camera") from None
     return found

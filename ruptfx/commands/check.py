@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -44,13 +45,13 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
         said = [row for row in rows if row.verdict != "ok"]
         for row in rows:
             value, unit = engineering(row)
-            text = row.note if row.verdict == "ok" else f"{row.verdict} {said.index(row) + 1}, below"
+            text = readable(row.note) if row.verdict == "ok" else f"{row.verdict} {said.index(row) + 1}, below"
             table.add_row(row.quantity, value, unit, text, style=COLOURS.get(row.verdict, ""))
         screen.print(table)
         for order, row in enumerate(said, 1):
             value = " ".join(filter(None, engineering(row)))
-            screen.print(f"{row.verdict} {order}: {row.quantity} = {value}: {row.note}", style=COLOURS[row.verdict],
-                         soft_wrap=True)  # fmt: skip
+            sentence = f"{row.verdict} {order}: {row.quantity} = {value}: {readable(row.note)}"
+            screen.print(sentence, style=COLOURS[row.verdict], soft_wrap=True)
         if any(row.verdict == "error" for row in said):
             raise typer.Exit(EXIT_ERROR)
 
@@ -69,7 +70,17 @@ def merged(rows: list[Row]) -> list[Row]:
 
 def engineering(row: Row) -> tuple[str, str]:
     """Return value and unit of a row as text; times, stresses and lengths with the prefix that suits them."""
-    if isinstance(row.value, str) or row.unit not in ("s", "Pa", "m"):
-        return row.text, row.unit
+    if isinstance(row.value, str):
+        return row.value, row.unit
+    if row.unit not in ("s", "Pa", "m"):
+        return f"{row.value:.5g}" if isinstance(row.value, float) else str(row.value), row.unit
     number, _, unit = with_prefix(row.value, row.unit, 4).partition(" ")
     return number, unit
+
+
+_QUANTITY = re.compile(r"(?<![\w.,(/^-])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) (s|Pa|m)(?![\w/^*])")
+
+
+def readable(note: str) -> str:
+    """Return a note with its times, stresses and lengths in the same way: "1250 steps for 60 us"."""
+    return _QUANTITY.sub(lambda found: with_prefix(float(found[1]), found[2], 4), note)

@@ -42,9 +42,9 @@ def compare(
 ) -> None:
     """Compare a run with another one, or with measured signals: differences, numbers, and one figure.
 
-    Of two runs, first what differs in the cases, then results that differ by more than 0.1 %, and in 3D the rupture
-    times. Of measured signals:
-    misfit and best time shift, as in `ruptfx compare RUN gauge.csv --instrument G1`; units are read from the header.
+    Two runs: first what differs in the cases, then results that differ by more than 0.1 %, in 3D also the rupture
+    times. Measured signals: misfit and best time shift, as in `ruptfx compare RUN gauge.csv --instrument G1`; units
+    are read from the header.
 
     Example: ruptfx compare runs/impact runs/pressed --out both.png
     """

@@ -34,7 +34,8 @@ def plot(
 
     Plug-ins of the run are not executed without --trust; figures that need them are then skipped and listed.
 
-    Figures of a part of a run, with --from and --to, have the times in their names.
+    Figures of a part of a run, with --from and --to, have the times in their names; those whose data have no time in
+    it are skipped and listed.
 
     Example: ruptfx plot runs/impact --figure space_time --from "10 us" --to "30 us" --format pdf
     """
@@ -73,6 +74,8 @@ def plot(
             )  # fmt: skip
             for path in plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times):
                 screen.print(str(path))
+            for name, reason in record.outside.items():
+                errors.print(f"left out: {name}: {reason}", markup=False, highlight=False, soft_wrap=True)
             for omitted in dict.fromkeys(record.omitted):
                 errors.print(f"left out: {omitted}; a plug-in of the run has the law. If you trust it, add --trust",
                              markup=False, highlight=False, soft_wrap=True)  # fmt: skip

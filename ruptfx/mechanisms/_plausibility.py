@@ -117,7 +117,7 @@ def _echoes(model: System) -> Iterator[Doubt]:
         arrival = 2 * distance / float(model.materials[body].wave_speeds(model.case.plane).c_p)
         if distance > 1e-6 * extent and arrival < model.case.duration:
             yield Doubt(
-                f"{name}: echo", arrival, "s", f"as of {explained}" if explained else
+                f"{name}: echo", arrival, "s", f"the same as {explained}" if explained else
                 f"the run lasts {model.case.duration:.3g} s: waves that this edge reflects are back at the interface "
                 "before its end; make the body larger, or the edge absorbing, unless they belong to the experiment",
                 likely_meant=True,

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from ruptfx import RuptfxError
 from ruptfx.figure_style import save, style
 from ruptfx.plots._sheet import Panels, Window, figure_of, pair, remarks
-from ruptfx.record import Files, MissingFileError
+from ruptfx.record import Files, MissingFileError, OutsideError
 from ruptfx.schema import own_kinds, own_module
 
 __all__ = ["FIGURES", "Panels", "all_figures", "figure_of", "remarks", "save_all", "set_up", "style", "suits"]
@@ -57,6 +57,9 @@ def all_figures(
 ) -> dict[str, Figure]:
     """Return every figure that suits the run, by name, or only the requested ones.
 
+    Of a part of a run, figures whose data have no time in it are left out and named in ``record.outside``, unless they
+    are requested.
+
     Parameters
     ----------
     record : Record or Files
@@ -66,11 +69,27 @@ def all_figures(
         First and last time to use [s]; default is all.
     **options
         Other arguments of the figures, such as ``units``.
+
+    Raises
+    ------
+    OutsideError
+        A requested figure, or every one, has no data in this part of the run.
     """
     if times is not None:
         with record.between(*pair("all_figures", "times", times)) as part:
             return all_figures(part, only, **options)
-    return {name: figure_of(FIGURES[name](record, **options)) for name in only or FIGURES if suits(name, record)}
+    drawn = {}
+    for name in only or FIGURES:
+        try:
+            if suits(name, record):
+                drawn[name] = figure_of(FIGURES[name](record, **options))
+        except OutsideError as error:
+            if only:
+                raise
+            record.outside[name] = str(error)
+    if record.outside and not drawn:
+        raise OutsideError(next(iter(record.outside.values())))
+    return drawn
 
 
 def save_all(

@@ -111,5 +111,5 @@ def along(shape: Any) -> Any:
 @every_kind
 def test_an_unknown_key_is_refused(kind: str) -> None:
     table = example(kind)
-    with pytest.raises(ValueError, match=facts("unknown key 'beyond_this'")):
-        InitialStress.model_validate({**table, "shear": {**table["shear"], "beyond_this": 1.0}})
+    with pytest.raises(CaseError, match=facts("unknown key 'beyond_this'")):
+        InitialStress(**{**table, "shear": {**table["shear"], "beyond_this": 1.0}})

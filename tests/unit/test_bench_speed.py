@@ -49,7 +49,8 @@ def test_tables_are_of_the_saved_rows() -> None:
     )  # fmt: skip
     (cells,) = step_rows(rows)
     assert dict(zip(STEPS, cells, strict=True)) == {
-        "element": "2D order 4 affine", "nodes": "0.35 M", "ranks": "1", "M updates/s/core": "204", "bytes/node": "66",
+        "element": "2D order 4 affine", "nodes": "0.35 M", "ranks": "1", "M updates /s /core": "204",
+        "bytes /node": "66",
         "x ufl_form": "17", "x stock ufl": "23", "x PETSc": "25.0", "of bandwidth": "28%", "interface": "9.4%",
         "speed-up": "",
     }  # fmt: skip

@@ -80,6 +80,16 @@ def test_all_mistakes_are_listed_at_once() -> None:
     assert {line.partition(" ")[0] for line in lines} == {"duration", "materials.default.density", "mesh.height"}
 
 
+def test_unknown_keys_are_listed_with_all_other_mistakes() -> None:
+    changes = {"duration": None, "duratoin": 1e-6, "order": 9, "mesh.hieght": 1.0, "mesh.length": -1.0}
+    assert sorted(refusal(changes).splitlines()) == [
+        "case: unknown key 'duratoin', did you mean 'duration'?",  # which is hence not reported as missing
+        "mesh.length = -1.0: input should be greater than 0",
+        "mesh: unknown key 'hieght', did you mean 'height'?",
+        "order = 9: input should be less than or equal to 8",
+    ]
+
+
 def test_python_and_files_refuse_alike() -> None:
     with pytest.raises(CaseError, match=facts(r"Coulomb\.mu_d = -1\.0: input should be greater")):
         Coulomb(mu_d=-1.0)

@@ -9,6 +9,7 @@ import re
 import shlex
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from typer.testing import CliRunner, Result
 from ruptfx import __version__
 from ruptfx.case import Case, FaultCase
 from ruptfx.cli import app
-from ruptfx.commands.check import engineering
+from ruptfx.commands.check import engineering, readable
 from ruptfx.commands.check import merged as merged_rows
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.mechanisms._check_table import Row
@@ -327,6 +328,22 @@ def test_rows_of_check() -> None:
     ]  # fmt: skip
 
 
+def test_notes_of_check_have_readable_units() -> None:
+    """Numbers with a unit alone, and not those of products, of speeds, or of points."""
+    note = "9 steps for 6e-05 s, at x = 0.07 m; over 6.085e+04 Pa at 2 m/s, A = 1e-3 m^2, 72 Pa/m, at (0.001, 0.002) m"
+    expected = "9 steps for 60 us, at x = 70 mm; over 60.85 kPa at 2 m/s, A = 1e-3 m^2, 72 Pa/m, at (0.001, 0.002) m"
+    assert readable(note) == expected
+
+
+def test_paragraphs_of_the_help_are_broken_by_the_terminal_alone() -> None:
+    shown = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["export", "--help"]).output
+    lines = [line.strip() for line in shown.splitlines()]
+    start = next(number for number, line in enumerate(lines) if line.startswith("csv: "))
+    paragraph = lines[start : lines.index("", start)]
+    # No line is so short that the first word of the next one would have fitted.
+    assert all(len(one) + 1 + len(two.split()[0]) > 70 for one, two in pairwise(paragraph)), paragraph
+
+
 def test_all_contradictions_of_a_case_are_listed_at_once(tmp_path: Path) -> None:
     table = impact(6e6, 2.0)
     table |= {"initial_velocity": {"upper": [1.0]}, "output": {"forces_interval": 1e-6, "interface_interval": 1e-20}}
@@ -339,7 +356,7 @@ def test_all_contradictions_of_a_case_are_listed_at_once(tmp_path: Path) -> None
 def test_check_looks_beyond_the_overstressed_patch(tmp_path: Path, needs_fem: None) -> None:
     """The middle slips at once under 3.7 MPa; beside it the stress is 2.8 MPa between 3.6 and 1.8 MPa: S = 0.8."""
     text = said(ruptfx("check", write(tmp_path, table=slip_weakening())))
-    assert "it slips from the first step at" in text and says("shear 2.8e+06 Pa", text)
+    assert "it slips from the first step at" in text and says("shear 2.8 MPa", text)
     assert any("main: S " in line and "0.8 " in line for line in text.split("│ faults."))
 
 

@@ -242,6 +242,19 @@ def test_plot_of_one_figure_and_a_part_of_the_run(pushed: Path) -> None:
         assert refused.exit_code == 1 and words in said(refused), said(refused)
 
 
+def test_figures_without_data_in_a_part_of_the_run_are_skipped(pushed: Path) -> None:
+    """Between two snapshots of the bodies: the figures of the interface are drawn, and the others are listed."""
+    with Record(pushed) as record:
+        first, second = (f"{time:.9g}" for time in record.bulk.time.values[1:3])
+    window = "--from", str(float(first) + 1e-8), "--to", str(float(second) - 1e-8)
+    result = ruptfx("plot", pushed, *window)
+    drawn = {path.stem.partition("_from_")[0] for path in (pushed / "figures").glob("*_from_*.png")}
+    assert result.exit_code == 0 and {"space_time", "energy_budget"} <= drawn and "wavefield" not in drawn
+    assert "left out: wavefield: " in said(result) and "nothing was saved from" in said(result)
+    refused = ruptfx("plot", pushed, *window, "--figure", "wavefield")
+    assert refused.exit_code == 1 and "nothing was saved from" in said(refused)
+
+
 def test_a_part_of_a_record_has_its_times_and_values(pushed: Path) -> None:
     """All histories, and the axis of the figure; the whole record stays as it is."""
     from ruptfx import plots
