@@ -45,7 +45,7 @@ class MissingFileError(RecordError):
 
 
 class OutsideError(RecordError):
-    """Nothing was saved in the chosen part of the run."""
+    """Error of a chosen part of the run in which nothing was saved."""
 
 
 class Data(Protocol):
