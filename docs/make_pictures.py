@@ -1,9 +1,9 @@
 """Draw the pictures of the site: `make pictures`, or `python docs/make_pictures.py [NAME ...] [--runs DIRECTORY]`.
 
 Pictures of `FIGURES` are figures of demos, which are run where `--runs` has no finished run of that name; those of
-`COMMANDS` are left by scripts, benchmarks and studies; others are drawn here. All of them take some hours. Nothing is
-quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the pictures: tests compare captions with
-them.
+`COMMANDS` are left by scripts, benchmarks and studies; others are drawn here. All of them take some hours. No picture is
+quantised, only the movie. `docs/pictures/numbers.json` keeps the numbers of the runs behind the pictures: tests compare
+captions with them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from ruptfx import Record, plots, read_case, simulate
 from ruptfx.analysis.along_interface import body_stress
@@ -255,7 +255,8 @@ class Command:
     command : str
         Words after `ruptfx`, or a script of `demos/` with its arguments.
     pictures : dict of str to str
-        Names of the pictures, and of the files that the command leaves anywhere below its directory.
+        Names of the pictures, and of the files that the command leaves anywhere below its directory; without a type
+        they are PNG.
     folder : Path
         Where the pictures are kept.
     before : tuple of str
@@ -276,9 +277,14 @@ class Command:
             words = [str(DEMOS.parent / word) if word.startswith("demos/") else word for word in words]
             subprocess.run([sys.executable, *program, *words], cwd=directory, env=environment, check=True)
         for name, left in self.pictures.items():
-            (found,) = directory.rglob(f"{left}.png")
-            shutil.copy(found, self.folder / f"{name}.png")
-            compress(self.folder / f"{name}.png")
+            (found,) = directory.rglob(file_of(left))
+            shutil.copy(found, self.folder / file_of(name))
+            (compress_movie if found.suffix == ".gif" else compress)(self.folder / file_of(name))
+
+
+def file_of(name: str) -> str:
+    """Return the file name of a picture."""
+    return name if "." in name else f"{name}.png"
 
 
 def study(name: str, picture: str, file: str = "mode_map", folder: Path = DEMOS / "pictures") -> Command:
@@ -309,6 +315,9 @@ COMMANDS = (
              f"run demos/impact.toml --out pressed {LESSON} --set faults.main.initial_stress.normal=30e6")),
     Command("run demos/impact.toml --out run", {"impact_fringes": "fringes", "impact_space_time": "space_time"},
             DEMOS / "pictures"),
+    Command("movie run --what fringes --rate 6", {"impact_fringes.gif": "fringes.gif"}, PICTURES,
+            ("run demos/impact.toml --out run --set mesh.element_size=2e-3 --set output.bulk_interval=2e-6 "
+             "--set output.figures=false",)),
     Command("run demos/stick_slip.toml --out run", {"stick_slip": "cycles"}, DEMOS / "pictures"),
     Command("run demos/strike_slip_3d.toml --out run", {"strike_slip_3d": "rupture_map"}),
     Command("run demos/strike_slip_3d.toml --out run --set mesh.element_size=2e3",
@@ -338,6 +347,17 @@ def compress(path: Path) -> None:
     with Image.open(path) as picture:
         opaque = picture.convert("RGB")
     opaque.save(path, optimize=True)
+
+
+def compress_movie(path: Path) -> None:
+    """Write a movie at 60 % of its size in 64 colours: a page should not weigh megabytes."""
+    with Image.open(path) as movie:
+        pause, size = movie.info["duration"], (round(0.6 * movie.width), round(0.6 * movie.height))
+        frames = [
+            frame.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(64)
+            for frame in ImageSequence.Iterator(movie)
+        ]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=pause, loop=0, optimize=True)
 
 
 def of_run(name: str, runs: Path) -> None:

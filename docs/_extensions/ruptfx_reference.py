@@ -224,6 +224,7 @@ class Bench(Directive):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
+        self.state.document.settings.env.note_reread()  # made from the code, whatever files of docs changed
         folder = Path(self.state.document.settings.env.srcdir, self.arguments[0])
         found = sorted(folder.glob("*.json"))
         if not found:
@@ -330,6 +331,7 @@ class Problems(Directive):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
+        self.state.document.settings.env.note_reread()  # made from the code, whatever files of docs changed
         path = Path(self.state.document.settings.env.srcdir, self.arguments[0])
         self.state.document.settings.env.note_dependency(str(path))
         return [table(("", "problem", "compared with", "error", "checks passed"), list(self._rows(path)),
@@ -362,6 +364,7 @@ class Speed(Directive):
     required_arguments = 2
 
     def run(self) -> list[nodes.Node]:
+        self.state.document.settings.env.note_reread()  # made from the code, whatever files of docs changed
         path = Path(self.state.document.settings.env.srcdir, self.arguments[0])
         self.state.document.settings.env.note_dependency(str(path))
         saved = json.loads(path.read_text())

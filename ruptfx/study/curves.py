@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ruptfx.figure_style import GUIDE, WIDTH, known_unit, letter, new_figure, scale, styled
+from ruptfx.figure_style import GUIDE, WIDTH, known_unit, letter, new_figure, remark, scale, styled
 from ruptfx.study.definition import Axis
 from ruptfx.study.mode_map import Map
 from ruptfx.study.table import TIMINGS, Row, unit_of, write_csv
@@ -83,8 +83,8 @@ def _by_value(shown: Map) -> dict[float, list[Row]]:
 
 @styled
 def draw(shown: Map) -> Figure:
-    """Draw every quantity of the study in its own panel; all shares in one."""
-    names = _names(shown)
+    """Draw every quantity of the study in its own panel, all shares in one; the closure is a check and is left out."""
+    names = [name for name in _names(shown) if name != "energy_closure"]
     shares = [name for name in names if name.endswith(SHARE)]
     panels = [[name] for name in names if name not in shares] + ([shares] if shares else [])
     lines = max(math.ceil(len(panels) / COLUMNS), 1)
@@ -99,6 +99,8 @@ def draw(shown: Map) -> Figure:
         ax.set_xlabel((axis.label or axis.column) + unit, parse_math=False)
         ax.tick_params(labelbottom=True)
     letter(axes.flat[: len(panels)])
+    if len(shown.rows) > len(_by_value(shown)):
+        remark(figure, "Points are runs, lines the medians of runs with the same value.")
     return figure
 
 
@@ -118,7 +120,8 @@ def _panel(ax: Axes, by_value: dict[float, list[Row]], names: list[str]) -> None
         if drawn:
             middle = [_median(y[(x == value) & np.isfinite(y)]) / size for value in by_value]
             ax.plot(list(by_value), middle, color=colour, lw=1.2, label=label)
-    text = "part of events" if len(names) > 1 else label + (f" ({unit})" if unit else "")
+    text = label if label[1:2] == " " else label[:1].upper() + label[1:]  # "b value", and "Largest stress"
+    text = "Part of events" if len(names) > 1 else text + (f" ({unit})" if unit else "")
     ax.set_ylabel(text, fontsize=6.5, parse_math=False)
     if len(names) > 1:
         low, high = ax.get_ylim()

@@ -80,6 +80,11 @@ def test_the_bar_is_one_line_and_nothing_is_cut(site: Path, tmp_path: Path) -> N
                 height = await tab.value("document.querySelector('.bd-header').offsetHeight")
                 assert 40 < height < 90, (width, page)
                 assert await tab.value("document.documentElement.scrollWidth") <= width, (width, page)
+        # The first lesson shows its commands and what they print as a whole.
+        await tab.call("Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False)
+        await tab.open(f"{site.as_uri()}/tutorial/first_rupture.html")
+        cut = "[...document.querySelectorAll('pre')].filter(n => n.scrollWidth > n.clientWidth + 1).length"
+        assert await tab.value(cut) == 0
 
     visit(site / "index.html", tmp_path / "profile", act)
 

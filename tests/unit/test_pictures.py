@@ -67,9 +67,10 @@ def test_every_picture_is_renewed_by_one_command(make_pictures: ModuleType) -> N
     beside = ROOT / "demos" / "pictures"
     here = {*make_pictures.DRAWINGS, *make_pictures.LUMPED, *make_pictures.FIGURES, "impact_energy_budget",
             "impact_space_time"}  # fmt: skip
-    drawn = {PICTURES / f"{name}.png" for name in here} | {folder / f"{name}.png" for folder, name in left}
+    drawn = {PICTURES / f"{name}.png" for name in here}
+    drawn |= {folder / make_pictures.file_of(name) for folder, name in left}
     drawn |= {folder / f"{name}.png" for name, (_, folder) in make_pictures.ELSEWHERE.items()}
-    kept = {path for folder in (PICTURES, beside) for path in folder.glob("*.png")}
+    kept = {path for folder in (PICTURES, beside) for path in folder.glob("*.*") if path.suffix in (".png", ".gif")}
     assert kept - drawn == {beside / "mode_map_page.png"}  # a browser's picture of a page
     assert drawn <= kept
 
@@ -89,6 +90,6 @@ def test_commands_of_pictures_name_what_exists(make_pictures: ModuleType) -> Non
         elif first in ("study", "mesh"):
             assert (ROOT / words[0]).is_file(), line
         else:
-            assert first == "compare", line
+            assert first in ("compare", "movie"), line
     figures = {*make_pictures.FIGURES.values(), *(figure for figure, _ in make_pictures.ELSEWHERE.values())}
     assert figures <= plots.FIGURES.keys()

@@ -43,7 +43,7 @@ def test_a_panel_for_every_quantity_and_one_for_all_shares(tmp_path: Path) -> No
     assert curves.suits(shown)
     figure = curves.draw(shown)
     panels = [ax for ax in figure.axes if ax.axison]
-    assert [ax.get_ylabel() for ax in panels] == ["largest stress (MPa)", "b value", "part of events"]
+    assert [ax.get_ylabel() for ax in panels] == ["Largest stress (MPa)", "b value", "Part of events"]
     assert panels[0].get_xlabel() == "" or "Speed" in panels[0].get_xlabel()
     (stress,) = [bar for bar in panels[0].containers if isinstance(bar, ErrorbarContainer)]
     assert stress[0].get_xdata().tolist() == [1.0, 4.0] and stress[0].get_ydata().tolist() == [1.0, 2.0]
