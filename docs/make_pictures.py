@@ -1,9 +1,9 @@
 """Draw the pictures of the site: `make pictures`, or `python docs/make_pictures.py [NAME ...] [--runs DIRECTORY]`.
 
 Pictures of `FIGURES` are figures of demos, which are run where `--runs` has no finished run of that name; those of
-`COMMANDS` are left by scripts, benchmarks and studies; others are drawn here. All of them take some hours. The movie has
-64 colours; pictures are not quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the pictures:
-tests compare captions with them.
+`COMMANDS` are left by scripts, benchmarks and studies; others are drawn here. All of them take some hours. The movie
+has 64 colours; pictures are not quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the
+pictures: tests compare captions with them.
 """
 
 from __future__ import annotations
