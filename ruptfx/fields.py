@@ -58,6 +58,8 @@ class Moment:
         Normal stress now and at the previous traction.
     closed : bool
         True if the two sides touch or are cohesive.
+    has_strength : [1]
+        1 where opening is a rupture, 0 where the interface has no strength before the first step.
     power, duration : [W/m2], [s]
         Power of friction and its duration: their product is the energy dissipated since the last update.
     threshold : [m/s]
@@ -71,6 +73,7 @@ class Moment:
     normal_stress: Array
     normal_stress_then: Array
     closed: Array
+    has_strength: Array
     power: Array
     duration: Array
     threshold: Array
@@ -149,11 +152,16 @@ def _work(old: Array, at: Moment) -> Array:
 
 
 def _first_rupture(old: Array, at: Moment) -> Array:
-    """Return the rupture time: sliding of closed points, or opening of points that were closed."""
+    """Return the rupture time: sliding of closed points, or opening of points that were closed.
+
+    Where the interface has no strength from the start, as at the surface of the Earth, waves far below the threshold
+    open it: only sliding counts there.
+    """
     beyond, rise = at.speed - at.threshold, at.speed - at.speed_then
     part = np.where(at.speed_then < at.threshold, beyond / np.where(rise > 0, rise, 1.0), 0.0)
     slipped = np.where(beyond > 0, at.time - at.since * part, np.nan)
-    opened = np.where((at.normal_stress_then != 0) & (at.threshold < _NEVER), at.time, np.nan)
+    opens = (at.normal_stress_then != 0) & (at.has_strength > 0) & (at.threshold < _NEVER)
+    opened = np.where(opens, at.time, np.nan)
     return np.where(old != old, np.where(at.closed, slipped, opened), old)
 
 

@@ -23,11 +23,18 @@ def is_surface(data: Data) -> bool:
 def grid(data: Data) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the positions along strike and down dip of a structured surface [m]; None if its points form no grid.
 
-    Its points are in the order of the grid, with those of one column next to each other.
+    Points of one column are next to each other, and both arrays have the order of the points, so that values have the
+    shape (len(strike), len(dip)). On faults of the Earth a column begins at its lowest point.
     """
     extent = max(np.ptp(data["position"].values), np.ptp(data["dip"].values), 1e-300)
-    strike, dip = (np.unique(np.round(data[name].values / extent, 7)) * extent for name in ("position", "dip"))
-    return (strike, dip) if len(strike) * len(dip) == len(data["position"].values) else None
+    strike, dip = (np.round(data[name].values / extent, 7) * extent for name in ("position", "dip"))
+    columns = len(np.unique(strike))
+    if columns * len(np.unique(dip)) != len(strike):
+        return None
+    strike, dip = strike.reshape(columns, -1), dip.reshape(columns, -1)
+    if np.any(strike != strike[:, :1]) or np.any(dip != dip[:1]):
+        return None
+    return strike[:, 0], dip[0]
 
 
 class SurfaceInterpolation:

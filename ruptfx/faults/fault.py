@@ -71,6 +71,18 @@ class Fault:
         return self.interface.initial is not self.interface
 
     @property
+    def has_strength(self) -> np.ndarray:
+        """True where opening is a rupture, shape (n,).
+
+        False where points touch without initial normal stress and cohesion, such as those of a fault at the surface of
+        the Earth, where the smallest wave opens and closes it. In finite sliding contact begins later.
+        """
+        if self.slides or self.cohesion is not None:
+            return np.ones(len(self.normal_stress_0), dtype=bool)
+        pressed = self.normal_stress_0 > 0
+        return pressed if self.gap is None else pressed | (self.gap > 0)
+
+    @property
     def is_loaded(self) -> bool:
         """True if a nucleation adds shear traction."""
         return any(type(item).shear_traction is not Nucleation.shear_traction for item in self.nucleation)

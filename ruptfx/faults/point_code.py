@@ -57,7 +57,7 @@ class PointCode:
         n = len(fault.normal_stress_0)
         columns = {
             "gap": np.zeros(n) if fault.gap is None else fault.gap, "normal_stress_0": fault.normal_stress_0,
-            "shear_traction_0": fault.shear_traction_0, **columns,
+            "shear_traction_0": fault.shear_traction_0, "has_strength": fault.has_strength.astype(float), **columns,
             **{name: np.broadcast_to(v, n) for name, v in parameters.items() if isinstance(v, np.ndarray)},
         }  # fmt: skip
         self._places = _places({name: int(np.prod(values.shape[1:])) for name, values in columns.items()})

@@ -341,8 +341,8 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
         NEW(opening) = AT_END ? (normal_stress - points->trial_normal[l]) * points->compliance[l]
                               : OLD(normal_stress) > 0 || apart < 0 ? 0 : apart;
         NEW(normal_stress) = normal_stress;
-        const double normal_stress_then = OLD(normal_stress);
-        (void)whole, (void)normal_stress_then;
+        const double normal_stress_then = OLD(normal_stress), has_strength = FIXED(has_strength);
+        (void)whole, (void)normal_stress_then, (void)has_strength;
 #if BONDED && AT_END
         // Mean tractions work between those before and now; cohesion carries its share of both.
         double left, before = 0, broken = 0;

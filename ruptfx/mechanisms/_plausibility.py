@@ -12,6 +12,7 @@ from ruptfx.boundaries.absorbing import Absorbing
 from ruptfx.boundaries.incident_wave import IncidentWave
 from ruptfx.mechanisms._check_table import Row
 from ruptfx.schema import unit_of
+from ruptfx.space.closest import closest
 
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
@@ -113,7 +114,7 @@ def _echoes(model: System) -> Iterator[Doubt]:
         near = [face.points for face in faces if body in _bodies(model, face)]
         x = model.coordinates[nodes]
         points = near or [face.points for face in faces]
-        distance = min(float(np.min(np.linalg.norm(x[:, None] - own[None], axis=2))) for own in points)
+        distance = min(float(closest(x, own)[0].min()) for own in points)
         arrival = 2 * distance / float(model.materials[body].wave_speeds(model.case.plane).c_p)
         if distance > 1e-6 * extent and arrival < model.case.duration:
             yield Doubt(

@@ -404,7 +404,7 @@ class QuasiDynamicMotion(SlowMotion):
         at = Moment(
             time=time, since=dt, speed=np.linalg.norm(rate, axis=1), speed_then=speed_of(fault, old),
             normal_stress=pressure, normal_stress_then=old["normal_stress"], closed=pressure > 0,
-            power=frictional_power(fault, old, new, dt), duration=dt,
+            has_strength=fault.has_strength, power=frictional_power(fault, old, new, dt), duration=dt,
             threshold=fault.threshold_at(time, self.model.case.output.rupture_threshold),
         )  # fmt: skip
         return new | {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}

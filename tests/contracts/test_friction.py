@@ -179,3 +179,11 @@ def test_what_a_bond_adds_to_the_breakdown() -> None:
 def test_a_memory_that_has_caught_up_sees_its_share() -> None:
     law = friction("prakash_clifton", "coulomb")
     np.testing.assert_allclose(law.lengths(1e6, 1.0).peak, law.law.mu_d * law.D * 1e6, rtol=1e-12)
+
+
+def test_the_breakdown_of_many_points_is_that_of_each() -> None:
+    """On surfaces the integral over the slip is computed in parts, 500 of 2000 intervals at a time here."""
+    law = friction("rate_and_state_power_law", None)
+    alone, many = law.lengths(np.full(1, 1e6), 3.0), law.lengths(np.full(4000, 1e6), 3.0)
+    np.testing.assert_allclose(many.energy, np.full(4000, alone.energy[0]), rtol=1e-12)
+    np.testing.assert_array_equal(many.peak, np.full(4000, alone.peak[0]))

@@ -21,6 +21,13 @@ def test_a_circular_rupture(tmp_path, speed, regime):
         first = np.loadtxt(tmp_path / "main.csv", delimiter=",")
         np.testing.assert_allclose(first[:, :2], np.column_stack([data.position, data.dip]), rtol=1e-8)
         assert [len(each) for each in grid(data)] == [81, 41]
+        # Columns of a fault begin at its lowest point: a map drawn from above would be upside down.
+        upwards = data.isel(point=np.arange(3321).reshape(81, 41)[:, ::-1].ravel())
+        for each in (data, upwards):
+            strike, dip = np.meshgrid(*grid(each), indexing="ij")
+            np.testing.assert_allclose(strike.ravel(), each.position, atol=0.1)
+            np.testing.assert_allclose(dip.ravel(), each.dip, atol=0.1)
+        assert grid(data.isel(point=np.random.default_rng(0).permutation(3321))) is None
         radius = np.hypot(data.position.values, data.dip.values - 10e3)
         velocity = rupture_velocity(data).ravel()
         away = (radius > 6e3) & np.isfinite(velocity)

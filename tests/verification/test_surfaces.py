@@ -142,3 +142,26 @@ def test_a_symmetric_rupture_of_a_box_closes_its_budget() -> None:
     energies = model.energies(state)
     work = energies.pop("boundary_work")
     assert abs(work - sum(energies.values())) < 1e-12 * work
+
+
+def test_nothing_ruptures_at_the_surface_before_the_waves_arrive() -> None:
+    """Normal stress that grows down dip from zero, as in TPV10: rounding opens the edge at the surface from the start.
+
+    P waves of the patch, 4 to 6 mm down dip, need 4 mm / c_p = 1.5 us; the edge ruptures when it slides as fast as the
+    threshold, in the run of 4 us.
+    """
+    profile = {"kind": "table", "positions": [0.0, 8e-3], "values": [0.0, 12e6]}
+    normal = {"kind": "along_dip", "profile": profile}
+    share = {"kind": "rectangle", "inside": 0.62, "outside": 0.55, "strike": [-2e-3, 2e-3], "dip": [4e-3, 6e-3]}
+    model, motion, state = march(parse_case(strike_slip({
+        "mesh.dip": 60.0, "duration": 4e-6, "faults.main.initial_stress.normal": normal,
+        "faults.main.initial_stress.shear": {"kind": "product", "value": normal, "factor": share},
+        "faults.main.initial_stress.rake": 90.0,
+    })))  # fmt: skip
+    face, fields = model.faults[0].interface, state.faults["main"]
+    surface = face.across < 1e-9
+    assert surface.sum() > 20 and not model.faults[0].has_strength[surface].any()
+    arrival, waves = fields["rupture_time"], model.wave_speeds().c_p
+    distance = np.hypot(np.maximum(np.abs(face.position) - 2e-3, 0), np.maximum(4e-3 - face.across, 0))
+    assert np.isfinite(arrival[surface]).mean() > 0.3
+    assert np.nanmin((arrival - distance / waves)[surface]) > -2 * motion.dt, np.nanmin(arrival[surface])
