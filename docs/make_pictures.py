@@ -299,7 +299,7 @@ COMMANDS = (
     Command("bench smooth_sliding --fine --out bench", {"sliding_test": "smooth_sliding"}),
     Command("bench fibre --out bench", {"fibre_bench": "fibre"}),
     *(Command(f"{name}.py", {name: name})
-      for name in ("pushed_block", "fibre_pull_out", "inclined_plates", "front_types")),
+      for name in ("pushed_block", "fibre_pull_out", "inclined_plates", "front_types", "impact_3d")),
     Command("contact_fringes.py", {"contact_fringes": "pair"}),
     Command("pressed_block.py", {"pressed_block": "strains"}),
     Command("sensitivity.py", {"sensitivity": "sensitivity"}),
@@ -322,6 +322,7 @@ COMMANDS = (
     Command("run demos/strike_slip_3d.toml --out run", {"strike_slip_3d": "rupture_map"}),
     Command("run demos/strike_slip_3d.toml --out run --set mesh.element_size=2e3",
             {"strike_slip_ground": "ground_motion"}),
+    Command("run demos/dipping_3d.toml --out run", {"dipping_3d": "rupture_map"}),
     Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),
     Command("impact_figures.py", {"modes": "modes", "tip_speed": "tip_speed", "slip_and_jump": "slip_and_jump",
                                   "fringes": "fringes"}, DEMOS / "pictures",
