@@ -215,7 +215,9 @@ class Support(Directive):
             item = nodes.list_item()
             item += paragraph(note)
             listed += item
-        return [table(("feature", *found.columns), rows, widths, literal=0), *([listed] if notes else [])]
+        # Long names may be broken behind an underscore: at a space of no width.
+        columns = (name.replace("_", "_\u200b") for name in found.columns)
+        return [table(("feature", *columns), rows, widths, literal=0), *([listed] if notes else [])]
 
 
 class Bench(Directive):
@@ -417,10 +419,11 @@ def without_keys(app: Sphinx, what: str, name: str, obj: object, *_: object) -> 
     return ("", None) if what == "class" and isinstance(obj, type) and issubclass(obj, BaseModel) else None
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: Sphinx) -> dict[str, int]:
     """Register the directives and the role in Sphinx."""
     for directive in (Entries, Commands, Fields, Support, Bench, Problems, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     app.add_role("ruptfx-time", Time())
     app.connect("autodoc-process-signature", without_keys)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    # With another version Sphinx reads all pages again.
+    return {"parallel_read_safe": True, "parallel_write_safe": True, "env_version": 1}
