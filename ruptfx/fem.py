@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakMethod
 
 import numpy as np
@@ -27,6 +27,9 @@ from ruptfx.platform import launch
 from ruptfx import Table
 
 VERSION: tuple[int, ...] = ()  # of DOLFINx, once it is loaded
+
+Given = ParamSpec("Given")
+Answer = TypeVar("Answer")
 
 if TYPE_CHECKING:
     import basix as basix
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
     import ufl as ufl
     from mpi4py import MPI as MPI
     from petsc4py import PETSc as PETSc
+    from scipy.sparse import csr_matrix
     from ufl.core.expr import Expr as Expr
 else:
 
@@ -300,14 +304,14 @@ def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] |
     return made
 
 
-def local_matrix(form: object) -> Any:
+def local_matrix(form: Any) -> csr_matrix:
     """Return a compiled bilinear form over the cells owned by this rank, as a SciPy matrix over local unknowns."""
     rows = dolfinx.fem.assemble_matrix(form).to_scipy(ghosted=True).tocsr()
     # Remove columns beyond the local unknowns, which are reserved for contributions of other ranks.
     return rows[:, : rows.shape[0]].copy()
 
 
-def callback(method: Callable[..., Any]) -> Callable[..., Any]:
+def callback(method: Callable[Given, Answer]) -> Callable[Given, Answer]:
     """Return a function for PETSc that calls a bound method without keeping its object.
 
     PETSc objects keep their callbacks where Python's garbage collector does not look: an object that has a solver and
@@ -315,10 +319,10 @@ def callback(method: Callable[..., Any]) -> Callable[..., Any]:
     """
     weak = WeakMethod(method)
 
-    def call(*arguments: Any) -> Any:
+    def call(*arguments: Given.args, **options: Given.kwargs) -> Answer:
         alive = weak()
         assert alive is not None, "a solver outlived the object that it belongs to"
-        return alive(*arguments)
+        return alive(*arguments, **options)
 
     call.__name__ = method.__name__  # petsc4py keeps one of each name
     return call

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from ruptfx.fem import MPI
     from ruptfx.state import State
     from ruptfx.steppers import Motion
-    from ruptfx.steppers.leapfrog import LeapfrogMotion
 
 SAMPLES = 9
 SOURCE = "aim, 8-lane processor with two 512-bit pipes"
@@ -277,7 +276,7 @@ def work(dim: int, order: int, geometry: str, nodes: int) -> Table | None:
     return row if comm.rank == 0 else None
 
 
-def timed_steps(case: Case, comm: MPI.Comm) -> tuple[Model, Any, Any, float]:
+def timed_steps(case: Case, comm: MPI.Comm) -> tuple[Model, Motion, State, float]:
     """Return model, motion, state after some steps, and the processor time of one [s], the longest of all ranks."""
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
@@ -302,7 +301,7 @@ def held_bytes(model: Model, motion: Motion, state: State) -> float:
     return sum(vector.nbytes for vector in vectors) + per_node + getattr(model.operator, "nbytes", 0)
 
 
-def interface_share(motion: LeapfrogMotion, state: State) -> float:
+def interface_share(motion: Motion, state: State) -> float:
     """Return the share of the fault in the processor time of steps, with caches as the bodies leave them."""
     plain, inside = FaultStep.__call__, []
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, cast
 import numpy as np
 from pydantic import ValidationError
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.case import override
 from ruptfx.check_law import checks, cohesive, examples, materials
 from ruptfx.codegen.tracing import located
@@ -102,7 +102,7 @@ def check_law(law: str, changes: Iterable[str] = ()) -> list[Report]:
 def _report(package: str, kind: str, changes: list[str]) -> Report:
     cls, contract = find(package, kind), CONTRACTS[package]
 
-    def change(table: dict[str, Any]) -> None:
+    def change(table: Table) -> None:
         for item in changes:
             override(table, item)
 

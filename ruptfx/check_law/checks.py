@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from numpy.typing import ArrayLike
 from pydantic import TypeAdapter
 
 from ruptfx import RuptfxError, Table
@@ -27,7 +28,7 @@ class Broken(RuptfxError):  # noqa: N818
     """A law violates its contract; the message gives values and position."""
 
 
-def require(holds: Any, what: str, **where: Any) -> None:
+def require(holds: ArrayLike, what: str, **where: Any) -> None:
     """Raise an error with the values at the first point where the condition is false."""
     holds = np.asarray(holds)
     if not np.all(holds):

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self, SupportsFloat
 
 import numpy as np
 
@@ -205,7 +205,7 @@ def _in_body(record: Record, table: Table, data: Data, view: View, folder: Path)
     return _series(record, folder / name, place, OF_BODY, data, values)
 
 
-def _file_name(table: Table, positions: Mapping[str, Any]) -> str:
+def _file_name(table: Table, positions: Mapping[str, SupportsFloat]) -> str:
     """Return the name that the comparison uses, with positions in 100 m; else that of the instrument."""
     shares = {key: float(value) / GRID for key, value in positions.items()}
     if any(abs(share - round(share)) > FLAT for share in shares.values()):

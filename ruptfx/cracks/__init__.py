@@ -12,8 +12,9 @@ it has failed, afterwards friction only.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field
 
 from ruptfx.cohesion import AnyCohesion
@@ -33,6 +34,10 @@ class CrackLaws(Part):
     friction: AnyFriction
     """Friction of closed facets, in parallel to the cohesion: c left(D) + friction. The state of a law begins to evolve
     when a facet yields."""
+
+
+Modulus = TypeVar("Modulus", float, np.ndarray)
+"""Young's modulus of a body [Pa]: one number, or one of every facet."""
 
 
 class Fracture(Alternative):
@@ -100,7 +105,7 @@ class Fracture(Alternative):
         yield from ((f"fracture.pairs.{name}", laws) for name, laws in self.pairs.items())
         yield from ((f"fracture.joints.{name}", laws) for name, laws in self.joints.items())
 
-    def stiffness(self, modulus: Any, edge: float) -> Any:
+    def stiffness(self, modulus: Modulus, edge: float) -> Modulus:
         """Return the contribution of a body to the springs of its facets [Pa/m].
 
         The springs between two bodies have the mean compliance of both.

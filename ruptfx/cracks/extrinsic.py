@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from ruptfx.cracks import Fracture
+from ruptfx.cracks import Fracture, Modulus
 from ruptfx.materials import Material, Plane
 
 
@@ -29,7 +29,7 @@ class Extrinsic(Fracture):
     check_every: Annotated[int, Field(ge=1)] = 2
     """Steps between two checks of the strength of tied facets."""
 
-    def stiffness(self, modulus: Any, edge: float) -> Any:
+    def stiffness(self, modulus: Modulus, edge: float) -> Modulus:
         return inf * modulus
 
     def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from ruptfx.cracks import Fracture
+from ruptfx.cracks import Fracture, Modulus
 from ruptfx.materials import Material, Plane
 from ruptfx.schema import CaseError, Unit
 
@@ -32,7 +32,7 @@ class Intrinsic(Fracture):
     compensate: bool = True
     """Whether stiffer cells compensate the compliance of the springs."""
 
-    def stiffness(self, modulus: Any, edge: float) -> Any:
+    def stiffness(self, modulus: Modulus, edge: float) -> Modulus:
         return self.stiffness_ratio * modulus / edge
 
     def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:

@@ -13,7 +13,7 @@ SIGN CONVENTION (converted here and nowhere else)
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -376,7 +376,10 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     )  # fmt: skip
 
 
-def _rounded(values: Any, extent: float) -> Any:
+Lengths = TypeVar("Lengths", float, np.ndarray)
+
+
+def _rounded(values: Lengths, extent: float) -> Lengths:
     """Return lengths without their last digits [m], which depend on the partition."""
     return np.round(values / extent, 13) * extent + 0.0  # no minus zero
 

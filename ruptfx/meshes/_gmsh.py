@@ -8,6 +8,36 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import ModuleType
+from typing import Protocol, TypeAlias
+
+Entity: TypeAlias = tuple[int, int]
+"""Dimension and tag of a point, a line or a surface."""
+
+
+class Geometry(Protocol):
+    """`gmsh.model.occ`, as far as the sources of meshes use it; Gmsh has no annotations."""
+
+    def addPoint(self, x: float, y: float, z: float, /) -> int: ...
+
+    def addLine(self, start: int, end: int, /) -> int: ...
+
+    def addRectangle(self, x: float, y: float, z: float, width: float, height: float, /) -> int: ...
+
+    def addDisk(self, x: float, y: float, z: float, half_width: float, half_height: float, /) -> int: ...
+
+    def rotate(
+        self, entities: list[Entity], x: float, y: float, z: float, ax: float, ay: float, az: float, angle: float, /
+    ) -> None: ...
+
+    def fragment(
+        self, objects: list[Entity], tools: list[Entity], /
+    ) -> tuple[list[Entity], list[list[Entity]]]: ...
+
+    def intersect(
+        self, objects: list[Entity], tools: list[Entity], /
+    ) -> tuple[list[Entity], list[list[Entity]]]: ...
+
+    def synchronize(self) -> None: ...
 
 
 @contextmanager

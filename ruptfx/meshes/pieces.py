@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.meshes._gmsh import session
+from ruptfx.meshes._gmsh import Geometry, session
 from ruptfx.meshes.specimen import DELAUNAY, MOST_CELLS, Floats, Ints, Point
 from ruptfx.schema import CaseError, Name, Part, Unit
 from ruptfx.units import Length
@@ -34,7 +34,7 @@ class RectanglePiece(Part):
     def area(self) -> float:
         return self.width * self.height
 
-    def draw(self, occ: Any) -> int:
+    def draw(self, occ: Geometry) -> int:
         x, y = self.center
         tag = occ.addRectangle(x - self.width / 2, y - self.height / 2, 0, self.width, self.height)
         occ.rotate([(2, tag)], x, y, 0, 0, 0, 1, np.deg2rad(self.angle))
@@ -65,8 +65,8 @@ class DiscPiece(Part):
     def area(self) -> float:
         return np.pi * self.diameter**2 / 4
 
-    def draw(self, occ: Any) -> int:
-        return int(occ.addDisk(*self.center, 0, self.diameter / 2, self.diameter / 2))
+    def draw(self, occ: Geometry) -> int:
+        return int(occ.addDisk(self.center[0], self.center[1], 0, self.diameter / 2, self.diameter / 2))
 
     def sides(self, middles: Floats) -> dict[str, Floats]:
         return {"side": np.zeros(len(middles))}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.meshes._gmsh import session
+from ruptfx.meshes._gmsh import Entity, Geometry, session
 from ruptfx.phases import AnyPhases
 from ruptfx.schema import CaseError, Name, Part, Unit
 from ruptfx.units import Coordinate, Length
@@ -20,7 +20,6 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Segment: TypeAlias = Annotated[list[Coordinate], Field(min_length=4, max_length=4)]
 Point: TypeAlias = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Entity: TypeAlias = tuple[int, int]  # of Gmsh: dimension and tag
 
 DELAUNAY = 5  # of Gmsh
 MOST_CELLS = 5_000_000
@@ -162,7 +161,7 @@ class Specimen(MeshSource):
         named = {name: place[number[lines]] for name, lines in joints.items()}
         return coordinates.reshape(-1, 3)[used, :2], triangles.reshape(-1, 3), platen, cut_lines, named
 
-    def _divide(self, occ: Any) -> tuple[set[Entity], set[Entity], dict[str, list[Entity]]]:
+    def _divide(self, occ: Geometry) -> tuple[set[Entity], set[Entity], dict[str, list[Entity]]]:
         """Cut the geometry along all lines; return the entities of platens, of notches and of every joint."""
         (x, y), (_, height) = self.center, self._extent()
         box = self._box(occ)
@@ -180,7 +179,7 @@ class Specimen(MeshSource):
         beyond = {entity for part in platens for entity in part} - set(made[0])
         return beyond, {entity for part in notches for entity in part}, dict(zip(self.joints, joints, strict=True))
 
-    def _box(self, occ: Any) -> int:
+    def _box(self, occ: Geometry) -> int:
         (x, y), (width, height) = self.center, self._extent()
         if isinstance(self.shape, Rectangle):
             return int(occ.addRectangle(x - width / 2, y - height / 2, 0, width, height))
@@ -255,7 +254,7 @@ def _on_segment(points: Floats, segment: Segment, element_size: float) -> NDArra
     return np.asarray((across < near) & (part > -near / length) & (part < 1 + near / length))
 
 
-def _line(occ: Any, segment: Segment) -> int:
+def _line(occ: Geometry, segment: Segment) -> int:
     return int(occ.addLine(occ.addPoint(segment[0], segment[1], 0), occ.addPoint(segment[2], segment[3], 0)))
 
 

@@ -399,7 +399,7 @@ class Study(Part):
         self,
         values: Mapping[str, Any],
         origin: str = "sample",
-        overrides: Mapping[str, Any] | None = None,
+        overrides: Mapping[str, object] | None = None,
         table: Table | None = None,
     ) -> Point:
         """Return the point with these values of the axes and, optionally, further keys of the case."""
@@ -466,7 +466,7 @@ def _with_units(study: Study) -> Study:
 def _unit_of_key(case: Part, key: str) -> str:
     """Return the unit of a dotted key of a case; 1 if the key is not a number of a part."""
     *parents, last = key.split(".")
-    node: Any = case
+    node: object = case
     for name in parents:
         if isinstance(node, Mapping):
             node = node.get(name)
@@ -480,7 +480,7 @@ def _unit_of_key(case: Part, key: str) -> str:
 def _path(key: str, table: object) -> tuple[str | int, ...]:
     """Return names and indices along a dotted key; list indices are counted from the start."""
     path: list[str | int] = []
-    node: Any = table
+    node: object = table
     for name in key.split("."):
         word: str | int = name
         if isinstance(node, list):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 from ruptfx import RuptfxError, Table, __version__
 from ruptfx.platform import launch
@@ -152,13 +152,33 @@ def draw(directory: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]
     return paths + (curves.save(shown, formats) if curves.suits(shown) else [])
 
 
+class Future(Protocol):
+    """A task of a dask cluster."""
+
+    def exception(self) -> BaseException | None: ...
+
+    def result(self) -> Result: ...
+
+    def release(self) -> None: ...
+
+
+class Client(Protocol):
+    """A dask cluster, as far as a study uses it."""
+
+    def submit(
+        self, function: Callable[..., Result], /, *args: object, key: str, pure: bool, retries: int
+    ) -> Future: ...
+
+    def run(self, function: Callable[..., object], /, *args: object) -> dict[str, tuple[str, bool]]: ...
+
+
 @dataclass
 class Runner:
     """Run lists of points, skipping finished ones."""
 
     study: Study
     store: Store
-    client: Any
+    client: Client
     count: Count
 
     def __call__(self, points: Sequence[Point], outcome: Outcome) -> list[tuple[Point, Result]]:
@@ -192,7 +212,7 @@ class Runner:
             table["plugins"] = [str(self.store.path / path) for path in table["plugins"]]
         return table
 
-    def _result(self, future: Any, key: str) -> Result:
+    def _result(self, future: Future, key: str) -> Result:
         """Return the result of a task; a lost worker counts as a failure of the point."""
         error = future.exception()
         if error is None:
@@ -205,7 +225,7 @@ class Runner:
 
 
 @contextmanager
-def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> Iterator[Any]:
+def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> Iterator[Client]:
     """Open a dask client: of the scheduler at `address`, or of threads in this process that start the runs.
 
     Raises
@@ -241,7 +261,7 @@ def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> 
                 client.run(workers.close_children)
 
 
-def _check_workers(client: Any, path: Path) -> None:
+def _check_workers(client: Client, path: Path) -> None:
     try:
         seen = client.run(_look, str(path))
     except Exception as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -43,11 +43,11 @@ class Goal(Part):
             raise ValueError("target and scale belong together")
         return self
 
-    def concerns(self, coordinates: Mapping[str, Any]) -> bool:
+    def concerns(self, coordinates: Mapping[str, object]) -> bool:
         """Return whether the goal applies to the run at these coordinates."""
         return all(coordinates.get(name) == value for name, value in self.where.items())
 
-    def degree(self, values: Mapping[str, Any]) -> float:
+    def degree(self, values: Mapping[str, object]) -> float:
         """Return the degree to which a run with these quantities reaches the goal.
 
         Raises
@@ -85,7 +85,7 @@ class Search(Part):
     population: Annotated[int, Field(ge=4)] | None = None
     """Sets of one generation; default is 4 + 3 ln of the number of axes."""
 
-    def degree(self, coordinates: Mapping[str, Any], values: Mapping[str, Any]) -> float:
+    def degree(self, coordinates: Mapping[str, object], values: Mapping[str, object]) -> float:
         """Return the geometric mean of the goals that apply to a run; 1 without any."""
         degrees = [goal.degree(values) for goal in self.goals if goal.concerns(coordinates)]
         return math.prod(degrees) ** (1 / max(len(degrees), 1))

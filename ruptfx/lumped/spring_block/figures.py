@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import xarray
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
@@ -32,12 +31,13 @@ def _breaks(dataset: xarray.Dataset) -> Breaks:
 
 
 def _map(
-    figure: Figure, ax: Any, data: xarray.DataArray, label: str, cmap: str, extend: str = "neither", **limits: float
+    figure: Figure, ax: Axes, data: xarray.DataArray, label: str, cmap: str, extend: str = "neither",
+    vmin: float | None = None, vmax: float | None = None,
 ) -> None:
     time = data.time.values
     image = ax.imshow(
         data.values.T, aspect="auto", origin="lower", cmap=cmap, rasterized=True,
-        extent=(time[0], time[-1], 0.5, data.sizes["block"] + 0.5), **limits,
+        extent=(time[0], time[-1], 0.5, data.sizes["block"] + 0.5), vmin=vmin, vmax=vmax,
     )
     ax.set_ylabel("Block")
     figure.colorbar(image, ax=ax, label=label, pad=0.01, aspect=12, extend=extend)
@@ -95,7 +95,7 @@ def fronts(dataset: xarray.Dataset) -> Figure:
     return figure
 
 
-def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Dataset, speed: float) -> None:
+def _speeds(ax: Axes, times: np.ndarray, which: np.ndarray, dataset: xarray.Dataset, speed: float) -> None:
     """Draw a histogram of local front speeds within events, and the speeds of the slow fronts."""
     events = []
     for start, end in zip(dataset.event_start.values, dataset.event_end.values, strict=True):
@@ -108,7 +108,7 @@ def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Datas
     )
     bins = np.geomspace(1e-5, 1e1, 61)
     beyond = int((fast > bins[-1]).sum())  # simultaneous detachments
-    ax.hist(fast, bins, color=STEADY, label="within events" + (f" (and {beyond} beyond)" if beyond else ""))
+    ax.hist(fast, bins.tolist(), color=STEADY, label="within events" + (f" (and {beyond} beyond)" if beyond else ""))
     if slow.size:
         ax.plot(slow / speed, np.full(slow.size, 0.03), "d", color=ACCENT, label="slow fronts",
                 transform=ax.get_xaxis_transform())
