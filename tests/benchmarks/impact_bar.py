@@ -16,15 +16,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._cases import case_of, table_of
 from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
-from ruptfx.case import Case, parse_case
+from ruptfx.case import Case
 from ruptfx.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SPEED, GAP, LENGTH, WIDTH = 10.0, 10.0, 10.0, 1.0
+SPEED = 10.0
+BARS = table_of("impact_bar")["mesh"]
+GAP, LENGTH, WIDTH = BARS["closest"], BARS["upper"]["height"], BARS["upper"]["length"]
 WAVE, PRESSURE = 30.0, 300.0
 BEGIN = 0.5 * GAP / SPEED
 END = BEGIN + 2 * LENGTH / WAVE
@@ -38,24 +41,10 @@ SPRINGS = {"kind": "compliant", "C_n": 1e4, "C_s": 1e4}  # 3 cm at the pressure,
 
 def case(size: float, contact: Table, damping: Table) -> Case:
     """Return the case with elements of some size in the upper bar [m]; the lower one has one more across."""
-    bar = {"length": WIDTH, "height": LENGTH}
-    made = parse_case({
-        "plane": "stress", "order": 4, "duration": 1.6,
-        "mesh": {
-            "kind": "rough_plates", "curve_order": 1, "closest": GAP,
-            "upper": {**bar, "element_size": size}, "lower": {**bar, "element_size": WIDTH / (WIDTH / size + 1)},
-        },
-        "materials": {"default": {
-            "kind": "isotropic_elastic", "young_modulus": 900.0, "poisson_ratio": 0.0, "density": 1.0,
-        }},
-        "faults": {"main": {
-            "sliding": {}, "contact": contact, "friction": {"kind": "coulomb", "mu_d": 0.0},
-            "initial_stress": {"normal": 0.0},
-        }},
-        "damping": damping,
+    return case_of("impact_bar", {
+        "mesh.upper.element_size": size, "mesh.lower.element_size": WIDTH / (WIDTH / size + 1),
+        "faults.main.contact": contact, "damping": damping,
     })  # fmt: skip
-    assert isinstance(made, Case)
-    return made
 
 
 @dataclass

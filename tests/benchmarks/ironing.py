@@ -15,17 +15,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._cases import case_of, table_of
 from ruptfx import Table, fem, stages
 from ruptfx.bench import Check, Outcome
-from ruptfx.case import Case, parse_case
+from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SIZE, RATIO = 0.1e-3, 1.37  # of the elements of the upper body; that of the lower one's over it
-RADIUS, DEPTH, FRICTION = 5e-3, 12e-6, 0.3
+BODIES = table_of("ironing")
+SIZE, RATIO = BODIES["mesh"]["upper"]["element_size"], 1.37  # of the upper body; that of the lower one's over it
+DEPTH, FRICTION = 12e-6, BODIES["faults"]["main"]["friction"]["mu_d"]
 HELD = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
 PRESS, RAMP, SPEED = 20e-6, 15e-6, 10.0
 WAY = 2 * RATIO * SIZE
@@ -70,29 +72,10 @@ def implicit(order: int) -> Case:
 
 
 def _case(order: int, contact: str, table: Table) -> Case:
-    def body(young_modulus: float) -> Table:
-        return {
-            "kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": 0.25, "density": 1246.0,
-        }  # fmt: skip
-
-    made = parse_case({
-        "plane": "strain", "order": order,
-        "mesh": {
-            "kind": "rough_plates", "curve_order": min(order, 2) if order > 1 else 1,
-            "upper": {
-                "length": 1.2e-3, "height": 0.5e-3, "element_size": SIZE,
-                "profile": {"kind": "parabola", "radius": RADIUS, "center": 0.6e-3},
-            },
-            "lower": {"length": 4e-3, "left": -1.2e-3, "height": 0.8e-3, "element_size": RATIO * SIZE},
-        },
-        "materials": {"upper": body(5.3e9), "lower": body(3.392e9)},
-        "faults": {"main": {
-            "sliding": {}, "contact": {"kind": contact}, "friction": {"kind": "coulomb", "mu_d": FRICTION},
-            "initial_stress": {"normal": 0.0},
-        }}, **table,
+    return case_of("ironing", {
+        "order": order, "mesh.curve_order": min(order, 2), "mesh.lower.element_size": RATIO * SIZE,
+        "faults.main.contact": {"kind": contact}, **table,
     })  # fmt: skip
-    assert isinstance(made, Case)
-    return made
 
 
 def forces(given: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats]:

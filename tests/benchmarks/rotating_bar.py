@@ -9,17 +9,17 @@ begin without jumps, so that this bar vibrates.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ruptfx import fem
+from benchmarks._cases import case_of, table_of
+from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
-from ruptfx.case import Case, parse_case
+from ruptfx.case import Case
 from ruptfx.model import Model
 
-LENGTH, HEIGHT = 40e-3, 8e-3
-YOUNG, DENSITY = 5e9, 1200.0
+BAR = table_of("rotating_bar")
+LENGTH, HEIGHT = (BAR["mesh"]["shape"][side] for side in ("width", "height"))
+YOUNG, DENSITY = (BAR["materials"]["default"][name] for name in ("young_modulus", "density"))
 STRAIN = 2e-3  # in the middle
 OMEGA = float(np.sqrt(8 * STRAIN * YOUNG / DENSITY)) / LENGTH  # rad/s
 TURNS = 1
@@ -28,19 +28,11 @@ NEVER = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e9, "G_IIc": 1e9}
 
 def bar(size: float, broken: bool) -> Case:
     """Return the case with triangles of a size [m], as one body or with intrinsic facets."""
-    table: dict[str, Any] = {
-        "plane": "stress", "order": 1, "duration": TURNS * 2 * np.pi / OMEGA, "large_rotations": True,
-        "mesh": {"kind": "specimen", "shape": {"kind": "rectangle", "width": LENGTH, "height": HEIGHT},
-                 "element_size": size},
-        "materials": {"default": {"kind": "isotropic_elastic", "young_modulus": YOUNG, "poisson_ratio": 0.0,
-                                  "density": DENSITY}},
-    }  # fmt: skip
+    changes: Table = {"duration": TURNS * 2 * np.pi / OMEGA, "mesh.element_size": size}
     if broken:
         law = {"cohesion": NEVER, "friction": {"kind": "coulomb", "mu_d": 0.6}}
-        table["fracture"] = {"kind": "intrinsic", "default": law}
-    found = parse_case(table)
-    assert isinstance(found, Case)
-    return found
+        changes["fracture"] = {"kind": "intrinsic", "default": law}
+    return case_of("rotating_bar", changes)
 
 
 def spin(case: Case, comm: fem.MPI.Comm) -> dict[str, float]:

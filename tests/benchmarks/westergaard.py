@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import fem, stages
+from benchmarks._cases import case_of, table_of
+from ruptfx import Table, fem, stages
 from ruptfx.bench import Check, Outcome
-from ruptfx.case import Case, parse_case
+from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.platform import parallel
 from ruptfx.state import State
@@ -27,9 +28,9 @@ from ruptfx.state import State
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-AMPLITUDE, WAVELENGTH = 1e-6, 0.6e-3
-MODULI, NU = (5.3e9, 3.392e9), 0.25
-STIFFNESS = 1 / sum((1 - NU**2) / modulus for modulus in MODULI)
+BODIES = table_of("westergaard")
+AMPLITUDE, WAVELENGTH = (BODIES["mesh"]["upper"]["profile"][name] for name in ("mean", "wavelength"))
+STIFFNESS = 1 / sum((1 - body["poisson_ratio"]**2) / body["young_modulus"] for body in BODIES["materials"].values())
 FULL = np.pi * STIFFNESS * 2 * AMPLITUDE / WAVELENGTH  # p*: 23.1 MPa
 HOLD = 10e-6
 HELD = [
@@ -71,27 +72,12 @@ def _pressed(share: float, ramp: float) -> dict[str, object]:
     return {"kind": "traction", "edge": "upper.top", "traction": [0.0, -share * FULL], "ramp": ramp}
 
 
-def _case(table: dict[str, object], contact: str) -> Case:
-    def plate(side: int, elements: int) -> dict[str, object]:
-        wave = {"kind": "sinusoid", "mean": side * AMPLITUDE, "amplitude": -side * AMPLITUDE, "wavelength": WAVELENGTH}
-        length = 0.5 * WAVELENGTH
-        return {
-            "length": length, "height": WAVELENGTH, "element_size": length / elements, "growth": 1.4, "profile": wave,
-        }  # fmt: skip
-
-    def body(young_modulus: float) -> dict[str, object]:
-        return {"kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": NU, "density": 1246.0}
-
-    made = parse_case({
-        "plane": "strain", "order": 4, "mesh": {"kind": "rough_plates", "upper": plate(1, 12), "lower": plate(-1, 9)},
-        "materials": {"upper": body(MODULI[0]), "lower": body(MODULI[1])},
-        "faults": {"main": {
-            "sliding": {}, "contact": {"kind": contact}, "friction": {"kind": "coulomb", "mu_d": 0.0},
-            "initial_stress": {"normal": 0.0},
-        }}, **table,
+def _case(table: Table, contact: str) -> Case:
+    half = 0.5 * WAVELENGTH
+    return case_of("westergaard", {
+        "mesh.upper.element_size": half / 12, "mesh.lower.element_size": half / 9,
+        "faults.main.contact": {"kind": contact}, **table,
     })  # fmt: skip
-    assert isinstance(made, Case)
-    return made
 
 
 def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:

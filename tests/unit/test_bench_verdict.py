@@ -13,6 +13,7 @@ import ruptfx.bench
 from ruptfx import RuptfxError
 from ruptfx.bench import CORE, Check, benchmarks, checkout_folder, run_benchmark, verdict
 from ruptfx.bench._parts import ratio
+from ruptfx.case import Case, read_case
 
 OTHERS = Path(__file__).parents[1] / "benchmarks"
 
@@ -96,6 +97,13 @@ def test_new_files_of_both_folders_are_found_by_name() -> None:
         names = {path.stem for path in folder.glob("*.py") if not path.stem.startswith("_")}
         assert {name for name, path in found.items() if path.parent == folder} == names
     assert {"waves", "growth", "stress_barrier", "speed"} < {path.stem for path in CORE.glob("*.py")}
+
+
+def test_cases_beside_benchmarks_are_complete() -> None:
+    files = sorted(OTHERS.glob("*.toml"))
+    assert files and all(path.with_suffix(".py").is_file() for path in files)
+    for path in files:
+        assert isinstance(read_case(path), Case)
 
 
 def test_the_core_set_imports_nothing_of_the_others() -> None:
