@@ -7,20 +7,16 @@ import ctypes
 import inspect
 import sys
 from importlib import import_module
+from pkgutil import iter_modules
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from ruptfx import __version__, fem
+from ruptfx import __version__, commands, fem
 
-COMMANDS = {
-    "Begin": ("new", "convert", "demos", "describe"),
-    "Compute": ("check", "mesh", "run", "resume", "study", "gradient", "infer"),
-    "Look at it": ("list", "plot", "movie", "film", "dic", "compare", "events", "export"),
-    "Trust and extend": ("bench", "check_law", "cite"),
-}
-"""By the heading under which `--help` lists them."""
+HEADINGS = ("Begin", "Compute", "Post-process", "Verify and extend")
+"""Order of the headings under which `--help` lists the commands; a command says its own."""
 
 
 class Command(TyperCommand):
@@ -62,11 +58,13 @@ def _paragraphs(text: str) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n"))
 
 
-for _heading, _names in COMMANDS.items():
-    for _name in _names:
-        _function = getattr(import_module(f"ruptfx.commands.{_name}"), _name)
-        _help = _paragraphs(_function.__doc__)
-        app.command(name=_name.replace("_", "-"), cls=Command, help=_help, rich_help_panel=_heading)(_function)
+# Not by `own_kinds` of `ruptfx.schema`, whose import doubles the time of `ruptfx --help`.
+_names = [each.name for each in iter_modules(commands.__path__) if not each.name.startswith("_")]
+_modules = {name: import_module(f"ruptfx.commands.{name}") for name in sorted(_names)}
+for _name, _module in sorted(_modules.items(), key=lambda each: HEADINGS.index(each[1].HEADING)):
+    _function, _heading = getattr(_module, _name), _module.HEADING
+    _help = _paragraphs(_function.__doc__)
+    app.command(name=_name.replace("_", "-"), cls=Command, help=_help, rich_help_panel=_heading)(_function)
 
 
 def program() -> None:

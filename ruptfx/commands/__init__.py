@@ -1,1 +1,1 @@
-"""Commands, one per file, which defines a function of its name; `ruptfx.cli` lists them."""
+"""Commands, one per file, found by its name: a function of that name, and `HEADING`, where `--help` lists it."""

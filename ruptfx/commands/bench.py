@@ -9,6 +9,8 @@ import typer
 
 from ruptfx.commands._shared import EXIT_ERROR, completed_from, reported
 
+HEADING = "Verify and extend"
+
 
 def names() -> list[str]:
     """Return the arguments of `ruptfx bench`."""

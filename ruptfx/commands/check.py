@@ -15,6 +15,8 @@ from ruptfx.input.quantities import with_prefix
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Row
 
+HEADING = "Compute"
+
 COLOURS = {"error": "red", "warning": "yellow"}
 
 

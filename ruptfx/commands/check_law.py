@@ -11,6 +11,8 @@ from rich.text import Text
 
 from ruptfx.commands._shared import EXIT_ERROR, reported, screen
 
+HEADING = "Verify and extend"
+
 
 def check_law(
     law: Annotated[str, typer.Argument(

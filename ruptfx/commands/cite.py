@@ -5,6 +5,8 @@ from __future__ import annotations
 from ruptfx import __version__
 from ruptfx.commands._shared import screen
 
+HEADING = "Verify and extend"
+
 BIBTEX = f"""@software{{ruptfx,
   title = {{ruptfx: frictional contact and rupture on FEniCSx}},
   author = {{{{The ruptfx developers}}}},

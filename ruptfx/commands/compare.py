@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from ruptfx.record import Record
 
+HEADING = "Post-process"
+
 UNINTERESTING = {"wall_time", "node_updates_per_second", "ranks", "host_cores", "versions", "case_hash", "title"}
 NOISE = 1e-3
 """Relative difference of two results up to which they count as equal."""

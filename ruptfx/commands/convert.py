@@ -10,6 +10,8 @@ import typer
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, screen
 
+HEADING = "Begin"
+
 
 def convert(
     file: Annotated[Path, typer.Argument(help="Input of SEM2DPACK, mostly Par.inp.", show_default=False)],

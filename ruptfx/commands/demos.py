@@ -11,6 +11,8 @@ import ruptfx
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, screen
 
+HEADING = "Begin"
+
 
 def demos(
     out: Annotated[Path, typer.Argument(help="A directory that does not exist yet.")] = Path("demos"),

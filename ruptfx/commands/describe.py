@@ -13,6 +13,8 @@ from rich.text import Text
 from ruptfx import __version__
 from ruptfx.commands._shared import completed_from, reported, screen
 
+HEADING = "Begin"
+
 SUPPORT = "support"
 
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+HEADING = "Post-process"
+
 
 def dic(
     before: Annotated[Path, typer.Argument(help="Picture of the speckled surface, undeformed.", show_default=False)],

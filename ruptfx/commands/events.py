@@ -15,6 +15,8 @@ from ruptfx.commands._shared import reported, screen
 if TYPE_CHECKING:
     from ruptfx.analysis.emission import Estimates
 
+HEADING = "Post-process"
+
 
 def events(
     source: Annotated[Path, typer.Argument(

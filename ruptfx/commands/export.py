@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from ruptfx.record import Record
 
+HEADING = "Post-process"
+
 
 class Format(StrEnum):  # older Typers know no Literal
     """File formats of other programs."""

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from ruptfx.cameras import Camera
 
+HEADING = "Post-process"
+
 
 def cameras(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names of the cameras of the run that begin with the typed text, for completion."""

@@ -11,6 +11,8 @@ from rich.table import Table
 from ruptfx.commands._gradients import Memory, Quiet, Ranks, case_on_ranks
 from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
 
+HEADING = "Compute"
+
 
 def infer(
     case: CaseFile,

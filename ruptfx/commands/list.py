@@ -14,6 +14,8 @@ from rich.table import Table
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, screen
 
+HEADING = "Post-process"
+
 
 def list(
     directory: Annotated[Path, typer.Argument(help="Folder that contains run directories.")] = Path("runs"),

@@ -10,6 +10,8 @@ import typer
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
 
+HEADING = "Compute"
+
 
 def mesh(
     case: CaseFile,

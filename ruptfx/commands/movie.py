@@ -10,6 +10,8 @@ import typer
 
 from ruptfx.commands._shared import completed_from, reported, runs, screen
 
+HEADING = "Post-process"
+
 
 class Format(StrEnum):  # older Typers know no Literal
     """File formats of movies."""

@@ -13,6 +13,8 @@ import ruptfx
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import completed_from, reported, screen
 
+HEADING = "Begin"
+
 DEMOS = Path(ruptfx.__file__).with_name("demos")
 
 

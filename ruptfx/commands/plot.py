@@ -11,6 +11,8 @@ from ruptfx import RuptfxError
 from ruptfx.commands._shared import completed_from, errors, reported, runs, screen, seconds
 from ruptfx.input.quantities import with_prefix
 
+HEADING = "Post-process"
+
 
 def figures() -> list[str]:
     """Return the names of all figures."""

@@ -11,6 +11,8 @@ from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, runs
 from ruptfx.commands.run import run as run_command
 
+HEADING = "Compute"
+
 
 def resume(
     run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],

@@ -17,6 +17,8 @@ from ruptfx.platform.progress import Progress, working
 if TYPE_CHECKING:
     from ruptfx.case import Case
 
+HEADING = "Compute"
+
 
 def run(
     case: CaseFile,

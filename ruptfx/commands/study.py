@@ -10,6 +10,8 @@ import typer
 
 from ruptfx.commands._shared import EXIT_ERROR, Overrides, reported, screen
 
+HEADING = "Compute"
+
 
 def study(
     file: Annotated[Path, typer.Argument(help="Study file (TOML).", show_default=False)],

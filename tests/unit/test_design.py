@@ -12,9 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import synthetic
 import tomli_w
+import typer
 from messages import facts
 from small_cases import SPLIT, plates, slip_weakening, unstressed
+from typer.testing import CliRunner
 
 import ruptfx
 from ruptfx import lumped
@@ -57,7 +60,7 @@ def run(case: Any, out: Path) -> Record:
 
 def test_every_example_is_used_here() -> None:
     source = Path(__file__).read_text(encoding="utf-8")
-    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES) == 15
+    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES)
     assert [title for title in EXAMPLES if f'"{title}"' not in source] == []
 
 
@@ -81,7 +84,9 @@ def test_files_named_in_the_text_exist(path: str) -> None:
 
 def examples_in_their_folders(root: Path) -> None:
     """Write every example but the line of a list to the file that its section says, below a copy of the settings."""
-    kinds = {"Figure": "opening", "Benchmark": "rayleigh_example"}  # named after a function
+    kinds = {  # named after a function
+        "Figure": "opening", "Movie": "displacement", "Command": "size", "Benchmark": "rayleigh_example",
+    }  # fmt: skip
     for title, text in re.findall(r"^### ([^\n]+)\n\n`([\w/]+)/`", PAGE, re.MULTILINE):
         name = re.search(r"^class (\w+)", EXAMPLES[title], re.MULTILINE)
         kind = kinds[title] if name is None else re.sub(r"(?<!^)(?=[A-Z])", "_", name[1]).lower()
@@ -130,6 +135,34 @@ def test_friction_law_in_a_run(tmp_path: Path) -> None:
         slipped, slip = record.interface.slipped.values, record.interface.slip.values
         np.testing.assert_allclose(slipped, slip, rtol=1e-9, atol=1e-18)
         assert slip.max() > 0
+
+
+def test_cohesive_law(tmp_path: Path) -> None:
+    """It keeps its contract, and takes 1 / area times the strength and the opening at failure."""
+    (tmp_path / "example.py").write_text(EXAMPLES["Cohesive law"], encoding="utf-8")
+    (report,) = check_law(str(tmp_path / "example.py"))
+    assert report.sound, report.rows
+    law = executed("Cohesive law")["Trapezoidal"](f_t=2e6, c=2e6, G_Ic=13.0, G_IIc=13.0)
+    assert law.opening_at_failure == pytest.approx(1e-5)
+    opening = np.linspace(0, 1e-5, 10001)
+    assert np.trapezoid(2e6 * law.left(law.damage(opening, 0 * opening)), opening) == pytest.approx(13.0, rel=1e-7)
+
+
+@pytest.mark.fem
+def test_fracture(tmp_path: Path) -> None:
+    """Every facet has that stiffness, and a run keeps its energy."""
+    pytest.importorskip("dolfinx")
+    from crack_cases import case
+
+    from ruptfx.model import Model
+
+    table = case({"duration": 2e-6}).table()
+    table["plugins"] = ["example.py", *table["plugins"]]
+    table["fracture"] = {"kind": "even_springs", "spring": 3e14, "default": table["fracture"]["default"]}
+    broken = in_a_case(tmp_path, "Fracture", table)
+    assert Model(broken).cracks.stiffness == pytest.approx(3e14)
+    with run(broken, tmp_path / "run") as record:
+        assert float(np.abs(record.energy["closure"]).max()) < 1e-9
 
 
 @pytest.mark.fem
@@ -311,6 +344,25 @@ def test_monitor_and_figure(tmp_path: Path) -> None:
         assert example["suits"](record)
         (line,) = example["opening"](record, units={"opening": "m"}).lines
         np.testing.assert_array_equal(line.get_ydata(), record.interface.opening.values.max(axis=0))
+
+
+def test_movie(tmp_path: Path) -> None:
+    """Its brightest picture is that of the largest displacement."""
+    time, position = synthetic.times(3), synthetic.points(4)
+    path = synthetic.write_run(tmp_path / "run", synthetic.crack(time, position), time, position, snapshots=3)
+    with Record(path) as record:
+        film, moved = executed("Movie")["displacement"](record), record.bulk["displacement"].values
+        largest = np.linalg.norm(moved, axis=-1).max(axis=1)
+        pictures = [np.nanmax(film.image(row)) for row in range(len(film.times))]
+    assert len(pictures) == 3 and pictures == pytest.approx(list(largest), rel=0.1) and largest.max() > 0
+
+
+def test_command(tmp_path: Path) -> None:
+    (tmp_path / "data").write_bytes(bytes(2_000_000))
+    app = typer.Typer()
+    app.command()(executed("Command")["size"])
+    done = CliRunner().invoke(app, [str(tmp_path)])
+    assert done.exit_code == 0 and done.output.split() == ["2", "MB"]
 
 
 def test_benchmark(tmp_path: Path) -> None:
