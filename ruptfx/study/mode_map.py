@@ -79,7 +79,10 @@ class Map:
         """First two numeric axes: horizontal and vertical."""
         axes = [axis for axis in self.study.axes if axis.numeric][:2]
         if not axes:
-            raise RuptfxError("a map needs an axis with numbers")
+            names = ", ".join(axis.column for axis in self.study.axes)
+            raise RuptfxError(
+                f"{self.directory}: a map needs an axis with numbers, and the axes ({names}) have names; read table.csv"
+            )
         return axes
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import synthetic
 import xarray
-from messages import facts
+from messages import facts, says
 from PIL import Image
 from small_cases import plates
 from typer.testing import CliRunner
@@ -142,7 +142,7 @@ def test_the_command_writes_pictures_and_both_files(run: Path, tmp_path: Path) -
 def test_cameras_that_cannot_be(kind: str, changes: dict[str, Any], others: dict[str, Any], said: str) -> None:
     with pytest.raises(CaseError) as caught:
         with_camera(kind, changes, **others)
-    assert said in str(caught.value)
+    assert says(said, str(caught.value))
 
 
 def test_each_has_its_own_name() -> None:

@@ -57,10 +57,10 @@ def test_over_a_surface(kind: str) -> None:
     shape = InitialStress.model_validate(example(kind)).shear
     if KINDS[kind].over_body:
         for where in (X, SURFACE):
-            with pytest.raises(CaseError, match="varies in the bodies"):
+            with pytest.raises(CaseError, match=rf"{kind} "):
                 evaluate(shape, where)
     elif KINDS[kind].over_surface:
-        with pytest.raises(CaseError, match="varies over a surface"):
+        with pytest.raises(CaseError, match=rf"{kind} .*boxcar"):
             evaluate(shape, X)
     else:
         np.testing.assert_array_equal(evaluate(shape, SURFACE), evaluate(shape, X))

@@ -17,6 +17,7 @@ import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
+from messages import says
 from small_cases import impact, merged, plates
 
 from ruptfx import RuptfxError
@@ -199,7 +200,7 @@ def test_what_cannot_be_held_is_refused(tmp_path, text, said):
     path.write_text(text)
     with pytest.raises(CaseError) as caught:
         read_case(path)
-    assert said in str(caught.value)
+    assert says(said, str(caught.value))
     assert len(str(caught.value)) < 2000
     assert all(line.startswith(str(path)) for line in str(caught.value).splitlines())
 

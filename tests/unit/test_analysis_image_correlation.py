@@ -80,6 +80,8 @@ def test_an_experiment_with_a_run(tmp_path) -> None:
         hidden, _ = dic.errors(data, "xy", edges)
         # A jump of two pixels over a window of 15: 2 / 15 / 2 = 0.07 of shear strain where there is none.
         assert hidden[0] > 0.03 and abs(hidden[3]) < 0.01
+        with pytest.raises(RuptfxError, match=facts(r"200 pixels of 0\.0005 m, less than two subsets")):
+            dic.experiment(record, 1, pixel, subset=101)
 
 
 def test_other_light_changes_nothing() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from messages import says
 from test_plugins import LAW
 from typer.testing import CliRunner
 
@@ -52,7 +53,7 @@ def test_what_is_broken_is_named(check: str, tmp_path: Path) -> None:
     assert SAID.count(old) == 1
     verdict, note = verdicts(tmp_path, SAID.replace(old, new))[check]
     assert verdict in ("failed", "missing")
-    assert message in note
+    assert says(message, note)
 
 
 def test_errors_of_a_law_have_their_place(tmp_path: Path) -> None:
@@ -73,7 +74,7 @@ def test_command(tmp_path: Path) -> None:
     for law, message in (("columb", "did you mean 'coulomb'?"), ("none.py", "cannot be read")):
         with pytest.raises(RuptfxError) as caught:
             check_law(law)
-        assert message in str(caught.value)
+        assert says(message, str(caught.value))
     with pytest.raises(RuptfxError, match=r"coulomb\.mu_d = -1"):
         check_law("coulomb", ["mu_d=-1"])
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts
+from messages import facts, says
 
 from ruptfx.check_law.examples import table
 from ruptfx.nucleation.forced_rupture import ForcedRupture
@@ -63,7 +63,7 @@ def test_old_positions_are_shifted_in_words() -> None:
 def test_what_is_no_center(center: Any, said: str) -> None:
     with pytest.raises(CaseError) as caught:
         ForcedRupture(center=center, radius=1.0, speed=1.0, mu_d=0.1)
-    assert said in str(caught.value)
+    assert says(said, str(caught.value))
 
 
 # Of each kind with a center, by distance from it [m].

@@ -142,7 +142,7 @@ def test_two_of_one_name(tmp_path: Path) -> None:
     ):
         read_case(path, ['plugins=["my_law.py", "other.py"]'])
     written(tmp_path / "sub")
-    with pytest.raises(CaseError, match="two files of the same name; rename one"):
+    with pytest.raises(CaseError, match=r"my_law\.py and .*sub/my_law\.py: "):
         read_case(path, ['plugins=["my_law.py", "sub/my_law.py"]'])
     assert read_case(path, ['plugins=["my_law.py", "./my_law.py"]']).hash == read_case(path).hash
 
@@ -343,7 +343,7 @@ def test_entry_points_that_are_refused(entries: str, message: str, package: Any)
     kind = entries.split()[0]
     with pytest.raises(RuptfxError, match=facts(message)):
         find("ruptfx.friction", kind)
-    assert message in broken("ruptfx.friction")[kind]
+    assert says(message, broken("ruptfx.friction")[kind])
     assert "cohesion" in alternatives("ruptfx.friction")
 
 

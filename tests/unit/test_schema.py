@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from crack_cases import block
-from messages import facts
+from messages import facts, says
 from pydantic import ValidationError
 from small_cases import SPLIT, plates
 
@@ -90,7 +90,7 @@ def test_copies_are_checked_too() -> None:
     ):
         with pytest.raises(CaseError) as caught:
             case.model_copy(update=changes)
-        assert message in str(caught.value)
+        assert says(message, str(caught.value))
     longer = case.model_copy(update={"duration": 2 * case.duration})
     assert longer.hash == parse_case(plates({"duration": 2 * case.duration})).hash
     assert case.model_copy() == case

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from matplotlib.container import ErrorbarContainer
 
+from ruptfx import RuptfxError
 from ruptfx.study import curves
 from ruptfx.study.definition import Study
 from ruptfx.study.execute import draw
@@ -59,6 +60,13 @@ def test_two_axes_are_a_map(tmp_path: Path) -> None:
     other = {"key": "boundaries.1.velocity", "name": "other", "values": [1.0]}
     path = study(tmp_path / "study", [AXIS | {"values": [1.0]}, other], largest_stress=[1e6])
     assert not curves.suits(read_map(path))
+
+
+def test_axes_of_names_have_no_map(tmp_path: Path) -> None:
+    laws = {"key": "faults.main.friction.kind", "name": "law", "values": ["coulomb", "slip_weakening"]}
+    path = study(tmp_path / "study", [laws], largest_stress=[1e6, 2e6])
+    with pytest.raises(RuptfxError, match=r"study: .*\(law\).*table\.csv"):
+        draw(path)
 
 
 def test_draws_are_points_around_their_median(tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def test_identity_is_the_case_without_its_axes(tmp_path):
     ],
 )
 def test_bad_studies_are_refused_with_the_key(tmp_path, text, message):
-    with pytest.raises(CaseError, match=message.replace("[", r"\[").replace(".", r"\.")):
+    with pytest.raises(CaseError, match=facts_of(message)):
         study(tmp_path, text).points()
 
 

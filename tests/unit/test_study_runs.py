@@ -176,9 +176,9 @@ def test_two_processes_and_another_study_are_refused(tmp_path):
     run(tmp_path, [2.0])
     with Store(tmp_path / "out", study(tmp_path, [2.0])), pytest.raises(RuptfxError, match=facts(r"process \d+ on")):
         run(tmp_path, [2.0])
-    with pytest.raises(RuptfxError, match="another study: the case differs"):
+    with pytest.raises(RuptfxError, match=r"out: (?!.*axes V_imp).*--out"):
         run(tmp_path, [2.0], extra="[set]\nduration = 1e-6")
-    with pytest.raises(RuptfxError, match="another study, with axes"):
+    with pytest.raises(RuptfxError, match=r"out: .*axes .*V_imp.* duration.*--out"):
         run(tmp_path, [2.0], extra='[[axes]]\nkey = "duration"\nvalues = [1e-6]')
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("")
@@ -261,7 +261,7 @@ def test_a_search_finds_the_best_and_goes_on_where_it_was(tmp_path):
 
 
 def test_a_search_is_not_refined_and_says_what_it_lacks(tmp_path, monkeypatch):
-    with pytest.raises(RuptfxError, match="a search has none"):
+    with pytest.raises(RuptfxError, match="--refine"):
         run_study(search(tmp_path, 8), tmp_path / "out", show=False, refined=True)
     monkeypatch.setitem(sys.modules, "cma", None)
     with pytest.raises(RuptfxError, match=facts(r"pip install 'ruptfx\[search\]'")):
@@ -274,7 +274,7 @@ def test_a_scheduler_elsewhere(tmp_path):
     threads = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
     with LocalCluster(**threads, protocol="tcp") as cluster:
         assert run(tmp_path, [2.0, 13.0], scheduler=cluster.scheduler_address).failed == 2
-    with pytest.raises(RuptfxError, match="no dask scheduler answers"):
+    with pytest.raises(RuptfxError, match=r"--scheduler tcp://127\.0\.0\.1:9"):
         run(tmp_path, [4.0], scheduler="tcp://127.0.0.1:9")
 
 

@@ -246,5 +246,5 @@ def test_crossing_and_three_ends_are_refused() -> None:
     ({"branch_length": 1e-3}, r"branch_length = 0.001 m: must be at least two elements; make element_size at most"),
 ])  # fmt: skip
 def test_geometry_that_is_refused(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=facts(message)):
         source(**changes)
