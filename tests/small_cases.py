@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import PrivateAttr
 
 from ruptfx.case import Case, parse_case
-from ruptfx.check_law.examples import holds
+from ruptfx.check_law.examples import holds, table
 from ruptfx.meshes import MeshSource
 from ruptfx.schema import alternatives
 
@@ -322,3 +322,22 @@ def two_boxes(n: int = 2) -> Given:
         edges={"upper.right": right(upper[1], upper[0]), "lower.right": right(lower[1], lower[0]) + shift},
         interfaces={"main": (upper[2], lower[2] + shift)},
     ))  # fmt: skip
+
+
+ANY_STEPPER = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6,
+               "theta_initial": 1e3}  # fmt: skip
+
+
+def guided(component: str) -> list[dict[str, Any]]:
+    """Lateral edges that let a plane wave along y pass as in an unbounded body: `component` does not move there."""
+    return [
+        {"kind": "driven", "edge": f"{body}.{side}", "component": component, "velocity": 0.0}
+        for body in ("upper", "lower") for side in ("left", "right")
+    ]  # fmt: skip
+
+
+def required(stepper: str) -> dict[str, Any]:
+    """Keys of a stepper that a case must give, with values of an example."""
+    cls = alternatives("ruptfx.steppers")[stepper]
+    needed = {name for name, field in cls.model_fields.items() if field.is_required()}
+    return {name: value for name, value in (table(cls) if needed else {}).items() if name in needed}

@@ -328,7 +328,7 @@ def test_an_unknown_that_the_objective_does_not_feel_is_named() -> None:
 
 
 def test_a_step_beyond_the_memory_is_refused() -> None:
-    with pytest.raises(RuptfxError, match=r"history .* GB .* 1e-06 GB .*--memory"):
+    with pytest.raises(RuptfxError, match=facts(r"history .* GB .* 1e-06 GB .*--memory")):
         gradient(parse_case(slip_weakening(RUPTURE)), progress=False, memory=1e3)
 
 

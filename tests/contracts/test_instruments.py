@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, SPLIT, case, two_boxes, unstressed
-from test_steppers import ANY_STEPPER, required
+from small_cases import ANY_STEPPER, COMPLIANT, SPLIT, case, required, two_boxes, unstressed
 
 pytest.importorskip("dolfinx")
 

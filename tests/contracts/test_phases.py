@@ -66,5 +66,5 @@ def test_grains_have_the_size_that_is_asked_for() -> None:
 
 
 def test_grains_smaller_than_two_cells_are_refused() -> None:
-    with pytest.raises(CaseError, match=r"mesh\.phases\.grain_size = 0\.0001 m .* cells of "):
+    with pytest.raises(CaseError, match=facts(r"mesh\.phases\.grain_size = 0\.0001 m .* cells of ")):
         VoronoiGrains(fractions={"quartz": 1.0}, grain_size=1e-4).phase_of(centres(), SIZE)

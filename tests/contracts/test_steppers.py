@@ -10,9 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from messages import facts
-from small_cases import COMPLIANT, SPLIT, advance, case, march, memory_friction
-
-from ruptfx.check_law.examples import table
+from small_cases import ANY_STEPPER, COMPLIANT, SPLIT, advance, case, march, memory_friction, required
 
 pytest.importorskip("dolfinx")
 
@@ -35,8 +33,6 @@ SCHEMES: list[dict[str, Any]] = [
 ]  # fmt: skip
 RIGID = {"kind": "augmented_lagrangian"}
 METHODS = (COMPLIANT, SPLIT, RIGID)
-ANY_STEPPER = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6,
-               "theta_initial": 1e3}  # fmt: skip
 
 
 def name_of(stepper: dict[str, Any]) -> str:
@@ -55,12 +51,6 @@ def fits(stepper: dict[str, Any], contact: dict[str, Any]) -> bool:
     """Whether it is the stepper's own method, which no other one replaces."""
     method = alternatives("ruptfx.contact")[contact["kind"]]
     return all(getattr(method, way) for way in KINDS[stepper["kind"]].ways)
-
-
-def required(kind: str) -> dict[str, Any]:
-    """What a case must give, as an example."""
-    needed = {name for name, field in KINDS[kind].model_fields.items() if field.is_required()}
-    return {name: value for name, value in (table(KINDS[kind]) if needed else {}).items() if name in needed}
 
 
 # Implicit steps as short as explicit ones, so that the same happens.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from messages import facts
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -103,5 +104,5 @@ def test_fit_finds_the_law_that_made_the_trace() -> None:
 
 
 def test_too_few_asperities_are_refused() -> None:
-    with pytest.raises(RuptfxError, match=r"10 asperities .*load of 10 N"):
+    with pytest.raises(RuptfxError, match=facts(r"10 asperities .*load of 10 N")):
         Population(ASPERITY, 10, 10.0, seed=0)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from a_law import LAW
 from messages import facts, says
 from small_cases import plates, slip_weakening
 from typer.testing import CliRunner
@@ -27,31 +28,6 @@ from ruptfx.reference.describe import describe_topic
 from ruptfx.schema import CaseError, alternatives, broken, find, kinds
 from ruptfx.study.definition import read_study
 
-LAW = '''
-from __future__ import annotations
-
-import numpy as np
-
-from ruptfx.friction import FrictionLaw
-from ruptfx.units import VaryingCoefficient, VaryingLength
-
-
-class MyLaw(FrictionLaw):
-    """Slip weakening that never ends."""
-
-    state_fields = {"own_slip": "m"}
-    mu_s: VaryingCoefficient
-    L: VaryingLength = 1e-5
-
-    def initial_state(self, normal_stress, shear_stress, slip_rate):
-        return {"own_slip": np.zeros_like(normal_stress)}
-
-    def strength(self, slip_rate, normal_stress, state):
-        return self.mu_s * normal_stress / (1 + state["own_slip"] / self.L)
-
-    def advance(self, state, slip_rate, normal_stress, dt):
-        return {"own_slip": state["own_slip"] + slip_rate * dt}
-'''
 USED = {"kind": "my_law", "mu_s": 0.6}
 
 
@@ -142,7 +118,7 @@ def test_two_of_one_name(tmp_path: Path) -> None:
     ):
         read_case(path, ['plugins=["my_law.py", "other.py"]'])
     written(tmp_path / "sub")
-    with pytest.raises(CaseError, match=r"my_law\.py and .*sub/my_law\.py: "):
+    with pytest.raises(CaseError, match=facts(r"my_law\.py and .*sub/my_law\.py: ")):
         read_case(path, ['plugins=["my_law.py", "sub/my_law.py"]'])
     assert read_case(path, ['plugins=["my_law.py", "./my_law.py"]']).hash == read_case(path).hash
 

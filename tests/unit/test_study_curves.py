@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from matplotlib.container import ErrorbarContainer
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.study import curves
@@ -65,7 +66,7 @@ def test_two_axes_are_a_map(tmp_path: Path) -> None:
 def test_axes_of_names_have_no_map(tmp_path: Path) -> None:
     laws = {"key": "faults.main.friction.kind", "name": "law", "values": ["coulomb", "slip_weakening"]}
     path = study(tmp_path / "study", [laws], largest_stress=[1e6, 2e6])
-    with pytest.raises(RuptfxError, match=r"study: .*\(law\).*table\.csv"):
+    with pytest.raises(RuptfxError, match=facts(r"study: .*\(law\).*table\.csv")):
         draw(path)
 
 

@@ -58,6 +58,15 @@ def test_messages_are_matched_by_their_facts(path: Path) -> None:
     assert [text for text in texts if " " in text and facts(text) != text] == []
 
 
+def test_what_tests_share_is_in_no_test() -> None:
+    """A test that imports another one is tied to it: cases and functions of several are in the modules beside them."""
+    found = {
+        (path.name, node.module) for path in TESTS.rglob("test_*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)
+    }  # fmt: skip
+    assert [(path, module) for path, module in found if (module or "").rpartition(".")[2].startswith("test_")] == []
+
+
 @pytest.mark.parametrize("path", sorted(TESTS.rglob("test_*.py")), ids=lambda path: path.name)
 def test_no_test_returns_early(path: Path) -> None:
     """It would pass: use `pytest.skip` with a reason, or parametrize with what fits."""

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import HOMALITE, SPLIT, blocks, merged, plates, tilted
-from test_waves import guided
+from small_cases import HOMALITE, SPLIT, blocks, guided, merged, plates, tilted
 
 pytest.importorskip("dolfinx")
 

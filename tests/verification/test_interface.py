@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from small_cases import HOMALITE, SPLIT, advance, case, memory_friction, two_boxes
-from test_waves import guided
+from small_cases import HOMALITE, SPLIT, advance, case, guided, memory_friction, two_boxes
 
 pytest.importorskip("dolfinx")
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, SPLIT, advance, case
+from small_cases import COMPLIANT, HOMALITE, SPLIT, advance, case, guided
 
 pytest.importorskip("dolfinx")
 
@@ -14,14 +14,6 @@ from ruptfx import fem
 from ruptfx.model import Model
 
 pytestmark = pytest.mark.fem
-
-
-def guided(component: str) -> list[dict[str, Any]]:
-    """Lateral edges that let a plane wave along y pass as in an unbounded body: `component` does not move there."""
-    return [
-        {"kind": "driven", "edge": f"{body}.{side}", "component": component, "velocity": 0.0}
-        for body in ("upper", "lower") for side in ("left", "right")
-    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
