@@ -45,7 +45,10 @@ def preflight(case: Case) -> Iterator[Row]:
         speeds = material.wave_speeds(case.plane)
         yield from _variation_rows(model, name)
         yield Row(f"{name}: c_p", speeds.c_p, "m/s", "plate speed c_l" if case.plane == "stress" else "")
-        yield Row(f"{name}: c_s", speeds.c_s, "m/s", f"sqrt(2) c_s = {np.sqrt(2) * speeds.c_s:.5g} m/s")
+        note = f"sqrt(2) c_s = {np.sqrt(2) * speeds.c_s:.5g} m/s"
+        if not material.isotropic and np.isfinite(free := material.mach_free_speed(case.plane)):
+            note = f"no shear Mach front at v_c = {free:.5g} m/s"
+        yield Row(f"{name}: c_s", speeds.c_s, "m/s", note)
         yield Row(f"{name}: c_R", speeds.c_R, "m/s")
     own = [name for name in model.bodies.names if name in case.materials]
     if "default" in case.materials and len(own) == len(model.bodies.names):

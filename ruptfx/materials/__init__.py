@@ -287,6 +287,25 @@ class Material(Alternative):
         surface = surface_wave_speed(tangent_stiffness(self, plane), self.density)
         return WaveSpeeds(float(speeds[-1]), float(speeds[0]), surface)
 
+    def mach_free_speed(self, plane: Plane) -> float:
+        """Return the speed of a shear rupture along x behind which no shear Mach front travels [m/s].
+
+        A plane wave (1, -m) f(x + m y - v t) has no shear stress on y = 0. It is a wave of the body at rho v^2 =
+        (C_11 C_22 - C_12^2) / (C_12 + C_22), with m^2 = (C_12 + rho v^2) / C_22: sqrt(2) c_s if the body is isotropic.
+        NaN in antiplane, where x and y are no axes of symmetry, and without a stiffness.
+        Source: Coker and Rosakis (2001), Phil. Mag. A 81, 571.
+        """
+        if plane == "antiplane":
+            return np.nan
+        try:
+            C = tangent_stiffness(self, plane)
+        except RuptfxError:  # of a plug-in that has wave speeds of its own
+            return np.nan
+        if max(abs(C[0, 0, 0, 1]), abs(C[1, 1, 0, 1])) > 1e-9 * C[0, 0, 0, 0]:
+            return np.nan
+        modulus = (C[0, 0, 0, 0] * C[1, 1, 1, 1] - C[0, 0, 1, 1] ** 2) / (C[0, 0, 1, 1] + C[1, 1, 1, 1])
+        return float(np.sqrt(modulus / self.density))
+
     def impedance(self, normal: np.ndarray, plane: Plane) -> np.ndarray:
         """Return the traction per velocity of plane waves that travel along a direction [Pa s/m].
 

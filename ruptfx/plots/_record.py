@@ -52,6 +52,8 @@ def guides(record: Files, *wanted: str) -> list[Guide]:
     else:
         speed = {name: attrs.get(name, np.nan) for name in ("c_R", "c_s", "c_p")}
         speed["Eshelby"] = np.sqrt(2) * speed["c_s"]
+        if "mach_free_speed" in attrs:  # of an anisotropic body
+            speed["Eshelby"], symbols["Eshelby"] = attrs["mach_free_speed"], "$v_c$"
         known = ["c_s"] if plane == "antiplane" else list(symbols)
         found = [Guide(symbols[name], float(speed[name])) for name in known if name in (wanted or symbols)]
     return [guide for guide in found if np.isfinite(guide.speed)]

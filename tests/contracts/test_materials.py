@@ -246,6 +246,22 @@ def test_equal_constants_make_an_orthotropic_body_isotropic(plane: Plane, angle:
 LAYERED = {"density": 1600.0, "E_1": 140e9, "E_2": 10e9, "nu_12": 0.3, "nu_23": 0.45, "G_12": 5e9}
 
 
+@pytest.mark.parametrize("plane", ["stress", "strain", "solid"])
+def test_speed_without_shear_mach_front(plane: Plane) -> None:
+    """sqrt(2) c_s of isotropic bodies; else that of a plane wave (1, -m) f(x + m y - v t) without shear."""
+    same = IsotropicElastic(young_modulus=5.3e9, poisson_ratio=0.35, density=1246.0)
+    assert same.mach_free_speed(plane) == pytest.approx(np.sqrt(2) * same.wave_speeds(plane).c_s, rel=1e-12)
+    given = OrthotropicElastic(**LAYERED)
+    C, moment = tangent_stiffness(given, plane), given.density * given.mach_free_speed(plane) ** 2
+    m = np.sqrt((C[0, 0, 1, 1] + moment) / C[1, 1, 1, 1])
+    along = np.eye(len(C))[0] + m * np.eye(len(C))[1]
+    wave = np.eye(len(C))[0] - m * np.eye(len(C))[1]
+    np.testing.assert_allclose(np.einsum("ijkl,j,k,l", C, along, wave, along), moment * wave, atol=1e-9 * moment)
+    assert abs(np.einsum("kl,k,l", C[0, 1], wave, along)) < 1e-9 * moment
+    assert np.isnan(OrthotropicElastic(**LAYERED, angle=0.3).mach_free_speed(plane))
+    assert np.isnan(given.mach_free_speed("antiplane"))
+
+
 def test_engineering_constants_of_an_orthotropic_body() -> None:
     """A stretch along an axis under stress along it alone takes E and contracts by nu; plane strain holds e_33."""
     solid = tangent_stiffness(OrthotropicElastic(**LAYERED, E_3=8e9, nu_13=0.25, G_13=4e9, G_23=3e9), "solid")

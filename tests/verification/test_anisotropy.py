@@ -14,7 +14,8 @@ pytest.importorskip("dolfinx")
 import ufl
 from messages import facts
 
-from ruptfx.case import parse_case
+from ruptfx import plots, simulate
+from ruptfx.case import parse_case, read_case
 from ruptfx.materials import Material, Plane, WaveSpeeds
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
@@ -132,3 +133,40 @@ def test_radiation_of_welded_bodies_is_their_mean(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[x < -1e-9], stiff, rtol=1e-12)
     np.testing.assert_allclose(found[x > 1e-9], 0.5 * stiff, rtol=1e-12)
     np.testing.assert_allclose(found[np.abs(x) < 1e-9], 0.75 * stiff, rtol=1e-12)
+
+
+def test_impact_along_fibres(tmp_path: Path) -> None:
+    """The demo on a coarse mesh: the impact travels at sqrt(C_11 / rho), the rupture between c_s and v_c.
+
+    C_11 and v_c are those of plane strain, from the compliance of a body that is isotropic across its fibres.
+    """
+    E_1, E_2, nu_12, nu_23, G_12, density = 80e9, 8.9e9, 0.25, 0.4, 3.6e9, 1478.0
+    compliance = np.diag([1 / E_1, 1 / E_2, 1 / E_2])
+    compliance[0, 1:] = compliance[1:, 0] = -nu_12 / E_1
+    compliance[1, 2] = compliance[2, 1] = -nu_23 / E_2
+    C = np.linalg.inv(compliance)
+    c_p, c_s = np.sqrt(C[0, 0] / density), np.sqrt(G_12 / density)
+    v_c = np.sqrt((C[0, 0] * C[1, 1] - C[0, 1] ** 2) / (C[0, 1] + C[1, 1]) / density)
+    demo = Path(__file__).parents[2] / "demos" / "composite_impact.toml"
+    case = read_case(demo, overrides=[
+        "mesh.element_size=4e-3", "mesh.length=0.12", "mesh.height=0.032", "duration=14e-6", "output.figures=false",
+        "output.bulk_interval=4e-6", "output.bulk_fields=['velocity']",
+    ])  # fmt: skip
+    with simulate(case, tmp_path / "run", progress=False) as record:
+        points, places = record.bulk["points"].values, []
+        row = np.flatnonzero(np.abs(points[:, 1] - 16e-3) < 1e-9)
+        row = row[np.argsort(points[row, 0])]
+        for velocity in record.bulk["velocity"].values[:, row, 0]:  # falls from 5 m/s to 0 at the wave
+            last = np.flatnonzero(velocity > 2.5)[-1]
+            there = slice(last, last + 2)
+            places.append(np.interp(2.5, velocity[there][::-1], points[row[there], 0][::-1]))
+        speed = np.diff(places) / np.diff(record.bulk["time"].values)
+        np.testing.assert_allclose(speed, c_p, rtol=0.01)
+        position, when = record.interface["position"].values, record.interface["rupture_time"].values
+        first, second = (np.abs(position - at).argmin() for at in (20e-3, 50e-3))
+        tip = (position[second] - position[first]) / (when[second] - when[first])
+        assert 3 * c_s < tip < v_c
+        assert record.interface.attrs["mach_free_speed"] == pytest.approx(v_c, rel=1e-12)
+        figure = plots.space_time(record).figure
+        texts = [text.get_text() for ax in figure.axes for text in ax.texts]
+        assert "$v_c$" in texts and not any("sqrt" in text for text in texts)

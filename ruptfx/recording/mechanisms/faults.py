@@ -96,6 +96,8 @@ class FaultRecords(Records):
         of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
         if (varying := self.model.variation) is not None:
             of_bodies[:, 0] = varying.fastest
+        if not (body := self.model.materials[0]).isotropic:
+            about = {"mach_free_speed": body.mach_free_speed(case.plane), **about}
         onset, center = first_begun(fault.nucleation)
         return {
             "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
