@@ -56,6 +56,6 @@ def _draw(length: np.ndarray, speed: np.ndarray, zone: np.ndarray, static: float
     left.legend(frameon=False)
     right.plot(speed[inside] / C_R, zone[inside], ".", label="tip to slip of $D_c$")
     right.plot(v / C_R, [static / fracture.A_II(x, C_P, C_S) for x in v], "k:", label="~ 1 / $A_{II}$")
-    right.set(xlabel="front speed / $c_R$", ylabel="process zone [m]")
+    right.set(xlabel="front speed / $c_R$", ylabel="process zone (m)")
     right.legend(frameon=False)
     return figure

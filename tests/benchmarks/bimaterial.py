@@ -108,13 +108,13 @@ def _draw(runs: dict[str, list[Rupture]], spacings: tuple[float, ...]) -> Figure
     x = finest.position * 1e3
     some = np.abs(finest.slip_rate[::10, ::2])
     mesh = axes[0].pcolormesh(x[::2], finest.time[::10] * 1e6, some, cmap="magma", vmax=2)
-    figure.colorbar(mesh, label="slip rate [m/s]", extend="max")
-    axes[0].set(xlabel="x [mm]", ylabel="time [us]", xlim=(-6, 6))
+    figure.colorbar(mesh, label="slip rate (m/s)", extend="max")
+    axes[0].set(xlabel="x (mm)", ylabel="time (µs)", xlim=(-6, 6))
     for ax, (name, pair) in zip(axes[1:], runs.items(), strict=True):
         for result, spacing in zip(pair, spacings, strict=True):
             at = result.at(SLOWER * 3e-3)
             label = f"nodes {spacing * 1e6:.0f} um apart"
             ax.plot(result.time * 1e6, np.abs(result.slip_rate[:, at]), lw=1, label=label)
-        ax.set(xlabel="time [us]", ylabel="slip rate at -3 mm [m/s]", title=name, xlim=(0, 5.5))
+        ax.set(xlabel="time (µs)", ylabel="slip rate at -3 mm (m/s)", title=name, xlim=(0, 5.5))
         ax.legend(frameon=False, loc="upper left", fontsize=8)
     return figure

@@ -120,7 +120,7 @@ def _draw(time: np.ndarray, found: np.ndarray, reference: np.ndarray) -> Figure:
         for i, x in enumerate(RECEIVERS):
             ax.plot(time, 1e3 * found[:, i, component], label=f"{x:g} m")
             ax.plot(time, 1e3 * reference[:, i, component], "k:", lw=1)
-        ax.set(xlabel="time [s]", title=name, xlim=(0.2, DURATION))
-    axes[0].set_ylabel("displacement [mm]")
+        ax.set(xlabel="time (s)", title=name, xlim=(0.2, DURATION))
+    axes[0].set_ylabel("displacement (mm)")
     axes[0].legend(frameon=False)
     return figure

@@ -125,9 +125,9 @@ def _draw(curves: list, time: np.ndarray, middle: np.ndarray, reference: tuple[n
     for name, when, rate, exact in curves:
         (line,) = left.plot(when * 1e6, rate, label=name)
         left.axhline(exact, color=line.get_color(), ls=":", lw=1)
-    left.set(xlabel="time [us]", ylabel="slip rate [m/s]")
+    left.set(xlabel="time (µs)", ylabel="slip rate (m/s)")
     left.legend(frameon=False, loc="center left")
     right.plot(time * 1e6, middle * 1e6)
     right.plot(reference[0] * 1e6, reference[1] * 1e6, "k:", lw=1)
-    right.set(xlabel="time [us]", ylabel="opening [um]")
+    right.set(xlabel="time (µs)", ylabel="opening (µm)")
     return figure

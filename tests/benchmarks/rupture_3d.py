@@ -197,6 +197,6 @@ def _draw(drawn: dict[str, tuple[Array, Array, Array]]) -> Figure:
         order = np.argsort(radius)
         ax.plot(radius, 1e3 * slip, ".", ms=2)
         ax.plot(radius[order], 1e3 * exact[order], "k:", lw=1)
-        ax.set(xlabel="distance from the middle [m]", title=name, xlim=(0, 1.25 if "rest" in name else 1.2 * REACH))
-    axes[0].set_ylabel("slip [mm]")
+        ax.set(xlabel="distance from the middle (m)", title=name, xlim=(0, 1.25 if "rest" in name else 1.2 * REACH))
+    axes[0].set_ylabel("slip (mm)")
     return figure

@@ -94,10 +94,10 @@ def _draw(curves: list) -> Figure:
     figure, (axes,) = new_figure(1, 2, 3.2, 8)
     for label, x, slip, exact in curves:
         ax = axes[0] if "III" in label else axes[1]
-        (line,) = ax.plot(x, slip * 1e3, label=label)
+        (line,) = ax.plot(x, slip * 1e3, label=label.replace("c_s", "$c_s$"))
         ax.plot(x, exact * 1e3, ":", color="k", lw=1)
         del line
     for ax in axes:
-        ax.set(xlabel="x [m]", ylabel="slip [mm]", xlim=(0, 0.75))
+        ax.set(xlabel="x (m)", ylabel="slip (mm)", xlim=(0, 0.75))
         ax.legend(frameon=False)
     return figure

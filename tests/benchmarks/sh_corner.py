@@ -119,7 +119,7 @@ def _draw(drawn: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Figure
         for i, name in enumerate(RECEIVERS):
             ax.plot(time, 1e3 * found[:, i], label=name)
             ax.plot(time, 1e3 * reference[:, i], "k:", lw=1)
-        ax.set(xlabel="time [s]", title=kind.replace("_", " "), xlim=(0, DURATION))
-    axes[0].set_ylabel("displacement [mm]")
+        ax.set(xlabel="time (s)", title=kind.replace("_", " "), xlim=(0, DURATION))
+    axes[0].set_ylabel("displacement (mm)")
     axes[0].legend(frameon=False)
     return figure

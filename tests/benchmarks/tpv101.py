@@ -126,8 +126,8 @@ def draw(runs: list[Rupture]) -> Figure:
             label = f"{place / 1e3:g} km" if style == "-" else None
             rate = np.abs(result.slip_rate[:, result.at(place)])
             right.plot(result.time, rate, style, color=f"C{k}", lw=1, label=label)
-    left.set(xlabel="x [km]", ylabel="time of 0.1 m/s [s]", xlim=(0, 18))
+    left.set(xlabel="x (km)", ylabel="time of 0.1 m/s (s)", xlim=(0, 18))
     left.legend(frameon=False)
     right.legend(frameon=False)
-    right.set(xlabel="time [s]", ylabel="slip rate [m/s]")
+    right.set(xlabel="time (s)", ylabel="slip rate (m/s)")
     return figure

@@ -153,13 +153,13 @@ def _draw(main: Rupture, arrival: np.ndarray, convergence: Table) -> Figure:
     inside = np.abs(x) <= 15
     front.plot(x[inside], arrival[inside])
     front.plot(STATIONS / 1e3, TIMES, "o", mfc="none", label="PyLith 200 m")
-    front.set(xlabel="x [km]", ylabel="rupture time [s]")
+    front.set(xlabel="x (km)", ylabel="rupture time (s)")
     front.legend(frameon=False, loc="upper center")
     for k, station in enumerate(STATIONS):
         at = main.at(station)
         rates.plot(main.time, np.abs(main.slip_rate[:, at]) + 8 * k, lw=0.9)
         rates.text(12, 8 * k + 0.5, f"{station / 1e3:g} km", ha="right", fontsize=8)
-    rates.set(xlabel="time [s]", ylabel="slip rate [m/s], 8 m/s apart")
+    rates.set(xlabel="time (s)", ylabel="slip rate (m/s), 8 m/s apart")
     spacings = convergence["spacings"]
     for k, name in enumerate(("first 1 mm/s", "slip of $D_c / 2$", "peak slip rate", "slip")):
         errors.loglog(spacings, convergence["errors"][:, k], "o-", label=name)
@@ -167,7 +167,7 @@ def _draw(main: Rupture, arrival: np.ndarray, convergence: Table) -> Figure:
     errors.loglog(spacings, convergence["errors"][-1, 1] * square, "k:", lw=1, label="slope 2")
     errors.set_xticks(spacings, [f"{spacing:g}" for spacing in spacings])
     errors.minorticks_off()
-    errors.set(xlabel="node spacing [m]", ylabel=f"RMS difference to {convergence['own']}")
+    errors.set(xlabel="node spacing (m)", ylabel=f"RMS difference to {convergence['own']}")
     errors.set_ylim(top=1.0)
     errors.legend(frameon=False, ncols=2)
     return figure

@@ -113,6 +113,6 @@ def _draw(runs: dict[str, Table]) -> Figure:
         for (strike, dip), expected in STATIONS.items():
             ax.plot(strike / 1e3, dip / 1e3, "k.")
             ax.annotate(f"{expected:.2f}", (strike / 1e3, dip / 1e3), (3, 3), textcoords="offset points", fontsize=7)
-        ax.set(aspect="equal", xlabel="x [km]", ylabel="depth [km]", title=f"time of 0.2 m of slip [s], {name}")
+        ax.set(aspect="equal", xlabel="x (km)", ylabel="depth (km)", title=f"time of 0.2 m of slip (s), {name}")
         ax.invert_yaxis()
     return figure

@@ -240,7 +240,7 @@ def _draw(drawn: dict[str, tuple[Array, Array, Array]]) -> Figure:
             label = "xyz"[number] if found.shape[1] == 3 else ("down", "outwards")[number]
             ax.plot(time, values, label=label)
             ax.plot(time, exact[:, number], "k:", lw=1)
-        ax.set(xlabel="time [s]", title=name)
+        ax.set(xlabel="time (s)", title=name)
         ax.legend(frameon=False, loc="upper left")
-    axes[0].set_ylabel("displacement [m]")
+    axes[0].set_ylabel("displacement (m)")
     return figure
