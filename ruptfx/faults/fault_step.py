@@ -4,7 +4,7 @@ Input of a step are the displacement at the time t of the traction and the veloc
 traction at t, and with it the velocity half a step later; all of `FaultState` is then at time t.
 
 `FaultStep` is C: `points.c` and `fault_step.c` after the macros of `PointCode`. The tests have the same
-step written with arrays (`tests/reference_step.py`).
+step written with arrays (`tests/helpers/reference_step.py`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Response of a fault to a displacement at the end of an implicit step: traction, exact tangent, new state.
 
 The code of `FaultResponse` is C: `points.c`, as for explicit steps, and `response.c`. The tests have a NumPy version
-(`tests/reference_step.py`).
+(`tests/helpers/reference_step.py`).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact nee
 and one such step. Rigid contact is solved in sweeps (`ContactMethod.sweeps_to`): all points at once, from the
 velocities after the tractions of the last sweep, from the state at the beginning of the step. This is a Jacobi
 iteration, the same for any partition; the first sweep begins with the tractions of the previous step. The code is C,
-`step.c`; the tests have the same with arrays (`tests/reference_sliding.py`).
+`step.c`; the tests have the same with arrays (`tests/helpers/reference_sliding.py`).
 """
 
 from __future__ import annotations

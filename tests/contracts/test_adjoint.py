@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from messages import facts
-from small_cases import COMPLIANT, SPLIT, friction_laws, merged, slip_weakening, strike_slip
+from helpers.messages import facts
+from helpers.small_cases import COMPLIANT, SPLIT, friction_laws, merged, slip_weakening, strike_slip
 
 from ruptfx.case import Case, parse_case
 from ruptfx.check_law.examples import friction

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, advance, case, march, plates
-from whole_runs import whole_and_resumed
+from helpers.small_cases import COMPLIANT, advance, case, march, plates
+from helpers.whole_runs import whole_and_resumed
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import fem
 from ruptfx.case import Case, parse_case

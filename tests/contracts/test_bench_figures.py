@@ -13,7 +13,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 import xarray
-from labels import label_faults
+from helpers.labels import label_faults
 from matplotlib.figure import Figure
 
 from ruptfx.bench import OF_THE_MACHINE, Outcome, benchmarks, module_of

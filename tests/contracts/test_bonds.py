@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sliding_cases import rough
-from small_cases import COMPLIANT, HOMALITE, SPLIT, case, march
+from helpers.sliding_cases import rough
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, case, march
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.check_law.examples import table

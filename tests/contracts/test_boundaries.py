@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, advance, case, march
+from helpers.small_cases import COMPLIANT, advance, case, march
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import fem
 from ruptfx.case import Case, parse_case

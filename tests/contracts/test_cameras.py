@@ -10,11 +10,11 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import synthetic
 import xarray
-from messages import facts, says
+from helpers import synthetic
+from helpers.messages import facts, says
+from helpers.small_cases import plates
 from PIL import Image
-from small_cases import plates
 from typer.testing import CliRunner
 
 from ruptfx.analysis import image_correlation

@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from messages import facts
+from helpers.messages import facts
 from pydantic import TypeAdapter
 from scipy.integrate import quad
 

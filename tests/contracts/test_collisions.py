@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import meeting_blocks
+from helpers.crack_cases import meeting_blocks
 
 pytest.importorskip("dolfinx")
 

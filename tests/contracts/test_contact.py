@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from interface_points import POINTS, an_interface, at_point, compliances, jump_under, sizes, with_cohesion
-from messages import facts
-from reference_step import advance_reference, advance_settled
-from small_cases import COMPLIANT, HOMALITE, case, friction_laws, march, tilted
+from helpers.interface_points import POINTS, an_interface, at_point, compliances, jump_under, sizes, with_cohesion
+from helpers.messages import facts
+from helpers.reference_step import advance_reference, advance_settled
+from helpers.small_cases import COMPLIANT, HOMALITE, case, friction_laws, march, tilted
 
 from ruptfx.check_law.examples import friction, table
 

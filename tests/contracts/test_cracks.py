@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import NEVER, RUBS, WEAK, case
+from helpers.crack_cases import NEVER, RUBS, WEAK, case
 from pydantic import TypeAdapter
 from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, fem
 from ruptfx.check_law.examples import table

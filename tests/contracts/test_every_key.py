@@ -16,7 +16,7 @@ from typing import Any, get_args
 import h5py
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, merged
+from helpers.small_cases import COMPLIANT, HOMALITE, merged
 
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case

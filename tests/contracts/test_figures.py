@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 import pytest
-import synthetic
-from labels import label_faults
+from helpers import synthetic
+from helpers.labels import label_faults
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

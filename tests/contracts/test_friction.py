@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from labels import label_faults
-from messages import facts
+from helpers.labels import label_faults
+from helpers.messages import facts
+from helpers.small_cases import case, friction_laws, two_boxes
 from pydantic import TypeAdapter
 from scipy.integrate import simpson
-from small_cases import case, friction_laws, two_boxes
 
 from ruptfx import RuptfxError
 from ruptfx.check_law import figure

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from interface_points import POINTS, an_interface, compliances, jump_under, sizes, with_cohesion
-from messages import facts
-from reference_step import respond_reference
-from small_cases import HOMALITE, case, friction_laws, memory_friction, smooth_field
+from helpers.interface_points import POINTS, an_interface, compliances, jump_under, sizes, with_cohesion
+from helpers.messages import facts
+from helpers.reference_step import respond_reference
+from helpers.small_cases import HOMALITE, case, friction_laws, memory_friction, smooth_field
 
 from ruptfx.check_law.examples import friction, table
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import tomli_w
 import xarray
-from messages import facts
-from small_cases import merged, slip_weakening
+from helpers.messages import facts
+from helpers.small_cases import merged, slip_weakening
 
 from ruptfx.case import Case, parse_case, read_case
 from ruptfx.schema import CaseError

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import ANY_STEPPER, COMPLIANT, SPLIT, case, required, two_boxes, unstressed
+from helpers.small_cases import ANY_STEPPER, COMPLIANT, SPLIT, case, required, two_boxes, unstressed
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import fem, simulate
 from ruptfx.case import Case, parse_case

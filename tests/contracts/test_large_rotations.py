@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import NEVER, WEAK, case
-from small_cases import plates
+from helpers.crack_cases import NEVER, WEAK, case
+from helpers.small_cases import plates
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, fem, operators
 from ruptfx.case import parse_case

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from labels import label_faults
+from helpers.labels import label_faults
+from helpers.messages import facts
 from matplotlib import pyplot
-from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from messages import facts
+from helpers.messages import facts
+from helpers.small_cases import SPLIT, merged, plates
 from pydantic import TypeAdapter
-from small_cases import SPLIT, merged, plates
 
 from ruptfx.check_law.examples import material
 

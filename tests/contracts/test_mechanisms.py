@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from crack_cases import block
-from crack_cases import case as broken
-from small_cases import case, march
+from helpers.crack_cases import block
+from helpers.crack_cases import case as broken
+from helpers.small_cases import case, march
 
 import ruptfx.steppers.leapfrog as leapfrog
 from ruptfx import spectrum

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts
-from small_cases import HOMALITE, plates
-from whole_runs import whole_and_resumed
+from helpers.messages import facts
+from helpers.small_cases import HOMALITE, plates
+from helpers.whole_runs import whole_and_resumed
 
 from ruptfx import RuptfxError
 from ruptfx.check_law import materials as checks

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import Given, case, march, plates, tilted, two_boxes, wavy_plates
+from helpers.small_cases import Given, case, march, plates, tilted, two_boxes, wavy_plates
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case

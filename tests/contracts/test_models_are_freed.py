@@ -7,7 +7,7 @@ import weakref
 from typing import Any
 
 import pytest
-from small_cases import case
+from helpers.small_cases import case
 
 from ruptfx.case import Case
 from ruptfx.schema import alternatives

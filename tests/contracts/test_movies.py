@@ -7,10 +7,10 @@ from itertools import pairwise
 import h5py
 import numpy as np
 import pytest
-import synthetic
-from labels import label_faults
+from helpers import synthetic
+from helpers.labels import label_faults
+from helpers.messages import facts
 from matplotlib.contour import QuadContourSet
-from messages import facts
 from PIL import Image
 from scipy.spatial import cKDTree
 

@@ -6,7 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 from pydantic import TypeAdapter, ValidationError
 
 from ruptfx.phases import AnyPhases, Phases

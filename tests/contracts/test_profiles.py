@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.profiles import evaluate, in_body

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sliding_cases import STIFF, rough, wave
-from small_cases import HOMALITE, SPLIT, advance, case, march, plates, smooth_field
+from helpers.sliding_cases import STIFF, rough, wave
+from helpers.small_cases import HOMALITE, SPLIT, advance, case, march, plates, smooth_field
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
-from reference_sliding import slide_reference
+from helpers.messages import facts
+from helpers.reference_sliding import slide_reference
 
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case

@@ -9,8 +9,8 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from messages import facts
-from small_cases import ANY_STEPPER, COMPLIANT, SPLIT, advance, case, march, memory_friction, required
+from helpers.messages import facts
+from helpers.small_cases import ANY_STEPPER, COMPLIANT, SPLIT, advance, case, march, memory_friction, required
 
 pytest.importorskip("dolfinx")
 

@@ -9,9 +9,9 @@ from itertools import product
 from typing import Any, get_args
 
 import pytest
-from crack_cases import HERE, block, faulted
-from messages import facts, facts_of
-from small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates
+from helpers.crack_cases import HERE, block, faulted
+from helpers.messages import facts, facts_of
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates
 from typer.testing import CliRunner
 
 from ruptfx.case import parse_case

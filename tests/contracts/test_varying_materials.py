@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import block as torn
-from messages import facts
-from small_cases import HOMALITE, merged, plates, slip_weakening, strike_slip, unstressed
+from helpers.crack_cases import block as torn
+from helpers.messages import facts
+from helpers.small_cases import HOMALITE, merged, plates, slip_weakening, strike_slip, unstressed
 
 from ruptfx.profiles import in_body
 from ruptfx.profiles.random import Random

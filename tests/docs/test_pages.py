@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from page_blocks import ROOT, blocks, matches, run_page
+from helpers.page_blocks import ROOT, blocks, matches, run_page
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]

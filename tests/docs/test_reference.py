@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 import pytest
 import toml_examples
-from page_blocks import ROOT, blocks
+from helpers.page_blocks import ROOT, blocks
 
 from ruptfx.reference import describe
 from ruptfx.schema import alternatives

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from browser import Tab, browser, visit
-from page_blocks import ROOT
+from helpers.browser import Tab, browser, visit
+from helpers.page_blocks import ROOT
 
 pytest.importorskip("sphinx")
 pytestmark = [pytest.mark.docs, pytest.mark.xdist_group("site")]

@@ -10,8 +10,8 @@ import tomllib
 from types import ModuleType
 
 import pytest
-from messages import says
-from page_blocks import ROOT
+from helpers.messages import says
+from helpers.page_blocks import ROOT
 
 from ruptfx.bench import Check
 from ruptfx.bench import benchmarks as all_benchmarks

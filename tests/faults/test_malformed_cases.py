@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from helpers.messages import says
+from helpers.small_cases import impact, merged, plates
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
-from messages import says
-from small_cases import impact, merged, plates
 
 from ruptfx import RuptfxError
 from ruptfx.case import override, parse_case, read_case

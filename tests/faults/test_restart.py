@@ -17,9 +17,9 @@ from typing import Any
 import psutil
 import pytest
 import tomli_w
-from compare import largest_difference
-from small_cases import INSTRUMENTS, impact, merged, plates
-from whole_runs import kill_all
+from helpers.compare import largest_difference
+from helpers.small_cases import INSTRUMENTS, impact, merged, plates
+from helpers.whole_runs import kill_all
 
 pytest.importorskip("dolfinx")
 

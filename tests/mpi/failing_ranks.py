@@ -7,8 +7,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from crack_cases import case as broken
-from small_cases import case
+from helpers.crack_cases import case as broken
+from helpers.small_cases import case
 
 import ruptfx.steppers.leapfrog as leapfrog
 from ruptfx import RuptfxError

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import branched
+from helpers.small_cases import branched
 
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")

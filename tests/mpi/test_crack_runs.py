@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from crack_cases import BRITTLE, SOFT, WEAK, block, faulted
-from whole_runs import run_of, run_on, starts_jobs, stopped
+from helpers.crack_cases import BRITTLE, SOFT, WEAK, block, faulted
+from helpers.whole_runs import run_of, run_on, starts_jobs, stopped
 
 from ruptfx import fem
 from ruptfx.case import read_case

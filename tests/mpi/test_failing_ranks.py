@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from whole_runs import starts_jobs
+from helpers.whole_runs import starts_jobs
 
 from ruptfx.platform.launch import find_mpiexec, mpi_environment
 

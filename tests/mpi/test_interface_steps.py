@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from small_cases import COMPLIANT, case, memory_friction
+from helpers.compare import largest_difference
+from helpers.small_cases import COMPLIANT, case, memory_friction
 
 pytest.importorskip("dolfinx")
 

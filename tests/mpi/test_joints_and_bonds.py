@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from crack_cases import RUBS, WEAK, block
-from small_cases import HOMALITE, SPLIT, merged, plates
-from whole_runs import killed, run_of, run_on, starts_jobs, stopped, write
+from helpers.compare import largest_difference
+from helpers.crack_cases import RUBS, WEAK, block
+from helpers.small_cases import HOMALITE, SPLIT, merged, plates
+from helpers.whole_runs import killed, run_of, run_on, starts_jobs, stopped, write
 
 from ruptfx import fem
 from ruptfx.case import read_case

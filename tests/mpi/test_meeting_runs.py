@@ -7,8 +7,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from crack_cases import meeting_blocks
-from whole_runs import run_of, run_on, starts_jobs, stopped
+from helpers.crack_cases import meeting_blocks
+from helpers.whole_runs import run_of, run_on, starts_jobs, stopped
 
 from ruptfx import fem
 from ruptfx.case import read_case

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import case, memory_friction, merged, plates
+from helpers.small_cases import case, memory_friction, merged, plates
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import fem
 from ruptfx.case import parse_case

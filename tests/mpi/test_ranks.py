@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import block
-from small_cases import case, impact, slip_weakening, smooth_field, tilted, two_boxes, wavy_plates
+from helpers.crack_cases import block
+from helpers.small_cases import case, impact, slip_weakening, smooth_field, tilted, two_boxes, wavy_plates
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case

@@ -12,8 +12,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
-from small_cases import impact, slip_weakening
+from helpers.messages import facts
+from helpers.small_cases import impact, slip_weakening
 
 from ruptfx import fem
 from ruptfx.case import parse_case

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from messages import says
-from small_cases import HOMALITE, INSTRUMENTS, blocks, impact, merged, plates, slip_weakening
-from whole_runs import finish, start, starts_jobs, write
+from helpers.compare import largest_difference
+from helpers.messages import says
+from helpers.small_cases import HOMALITE, INSTRUMENTS, blocks, impact, merged, plates, slip_weakening
+from helpers.whole_runs import finish, start, starts_jobs, write
 
 from ruptfx.platform.launch import find_mpiexec
 from ruptfx.record import Record

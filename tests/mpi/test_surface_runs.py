@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from small_cases import strike_slip
-from whole_runs import finish, kill_all, start, starts_jobs, write
+from helpers.compare import largest_difference
+from helpers.small_cases import strike_slip
+from helpers.whole_runs import finish, kill_all, start, starts_jobs, write
 
 from ruptfx.record import Record
 

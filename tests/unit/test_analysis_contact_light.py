@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-import synthetic
-from messages import facts
+from helpers import synthetic
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.contact_light import contact_light, real_contact_area

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis import energy_release

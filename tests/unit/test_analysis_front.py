@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import synthetic
+from helpers import synthetic
 
 from ruptfx.analysis import front
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 from xarray import DataArray
 
 from ruptfx import RuptfxError

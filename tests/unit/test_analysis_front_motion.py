@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis import fracture

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import synthetic
-from messages import facts, says
+from helpers import synthetic
+from helpers.messages import facts, says
 from PIL import Image
 
 from ruptfx import RuptfxError

@@ -7,8 +7,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import synthetic
-from messages import facts
+from helpers import synthetic
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import synthetic
-from small_cases import SPLIT, merged, plates
+from helpers import synthetic
+from helpers.small_cases import SPLIT, merged, plates
 
 from ruptfx.analysis import modes, summarise
 from ruptfx.analysis.resolution import NOISE, peak_is_resolved, roughness

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-import synthetic
+from helpers import synthetic
 
 from ruptfx.analysis import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES, rupture_origin, summarise
 from ruptfx.record import Record

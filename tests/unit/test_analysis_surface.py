@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import synthetic
+from helpers import synthetic
 
 from ruptfx import Record, analysis
 from ruptfx.analysis.surface import grid, moment_rate, rupture_velocity

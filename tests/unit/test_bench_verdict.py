@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from messages import says
+from helpers.messages import says
 
 import ruptfx.bench
 from ruptfx import RuptfxError

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 import tomli_w
-from messages import facts, facts_of, says
-from small_cases import impact, merged, plates
+from helpers.messages import facts, facts_of, says
+from helpers.small_cases import impact, merged, plates
 
 from ruptfx.case import Case, override, parse_case, read_case
 from ruptfx.friction.coulomb import Coulomb

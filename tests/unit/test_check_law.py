@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from a_law import LAW
-from messages import says
+from helpers.a_law import LAW
+from helpers.messages import says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError

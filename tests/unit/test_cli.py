@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 import tomli_w
 import typer
-from messages import says
-from small_cases import impact, merged, plates, slip_weakening
+from helpers.messages import says
+from helpers.small_cases import impact, merged, plates, slip_weakening
 from typer.testing import CliRunner, Result
 
 from ruptfx import __version__

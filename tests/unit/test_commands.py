@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-import synthetic
 import tomli_w
 import xarray
-from labels import label_faults
+from helpers import synthetic
+from helpers.labels import label_faults
+from helpers.messages import says
+from helpers.small_cases import merged, plates, strike_slip
 from matplotlib.image import imread
-from messages import says
-from small_cases import merged, plates, strike_slip
 from typer.testing import CliRunner, Result
 
 from ruptfx.analysis.emission import read_catalogue

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from crack_cases import RUBS, WEAK, case
+from helpers.crack_cases import RUBS, WEAK, case
 
 from ruptfx import simulate
 from ruptfx.record import Record

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from small_cases import merged, plates
+from helpers.small_cases import merged, plates
 from typer.testing import CliRunner
 
 pytest.importorskip("dolfinx")

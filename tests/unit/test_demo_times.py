@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import synthetic
+from helpers import synthetic
 
 import ruptfx
 from ruptfx import plots

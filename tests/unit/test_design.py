@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import synthetic
 import tomli_w
 import typer
-from messages import facts
-from small_cases import SPLIT, plates, slip_weakening, unstressed
+from helpers import synthetic
+from helpers.messages import facts
+from helpers.small_cases import SPLIT, plates, slip_weakening, unstressed
 from typer.testing import CliRunner
 
 import ruptfx
@@ -152,7 +152,7 @@ def test_cohesive_law(tmp_path: Path) -> None:
 def test_fracture(tmp_path: Path) -> None:
     """Every facet has that stiffness, and a run keeps its energy."""
     pytest.importorskip("dolfinx")
-    from crack_cases import case
+    from helpers.crack_cases import case
 
     from ruptfx.model import Model
 

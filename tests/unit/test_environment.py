@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from messages import says
+from helpers.messages import says
 
 import ruptfx
 from ruptfx.platform.launch import find_mpiexec

@@ -8,13 +8,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import synthetic
 import tomli_w
 import xarray
-from labels import label_faults
+from helpers import synthetic
+from helpers.labels import label_faults
+from helpers.messages import facts, says
+from helpers.small_cases import strike_slip
 from matplotlib.image import imread
-from messages import facts, says
-from small_cases import strike_slip
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError

@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import synthetic
+from helpers import synthetic
 
 from ruptfx import RuptfxError, plots
 from ruptfx.drawing import figure_process

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import synthetic
+from helpers import synthetic
 
 from ruptfx import plots
 from ruptfx.analysis import rupture_origin, sliding_rate

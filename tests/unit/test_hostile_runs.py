@@ -14,8 +14,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
-from small_cases import case
+from helpers.messages import facts
+from helpers.small_cases import case
 
 from ruptfx import RuptfxError, simulate
 from ruptfx.recording.checkpoint import CheckpointError

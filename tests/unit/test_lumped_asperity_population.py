@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case

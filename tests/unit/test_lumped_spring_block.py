@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.lumped.spring_block import SpringBlock

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts, facts_of, says
+from helpers.messages import facts, facts_of, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from messages import facts
-from small_cases import case, plates
+from helpers.messages import facts
+from helpers.small_cases import case, plates
 
 from ruptfx.case import case_schema, parse_case
 from ruptfx.materials import _library

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import tomli_w
 import xarray
-from labels import label_faults
+from helpers.labels import label_faults
+from helpers.messages import facts
+from helpers.small_cases import merged, plates
 from matplotlib.image import imread
-from messages import facts
-from small_cases import merged, plates
 from typer.testing import CliRunner, Result
 
 from ruptfx import Record, RuptfxError

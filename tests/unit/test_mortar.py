@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
+from helpers.reference_mortar import MortarReference
 from numpy.typing import NDArray
-from reference_mortar import MortarReference
 
 from ruptfx import RuptfxError
 from ruptfx.meshes._lobatto import basis_of_order

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import GRANITE, NEVER, RUBS, WEAK, block, case
+from helpers.crack_cases import GRANITE, NEVER, RUBS, WEAK, block, case
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.checks.preflight import preflight

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import synthetic
-from messages import facts_of
+from helpers import synthetic
+from helpers.messages import facts_of
+from helpers.small_cases import case, plates
 from PIL import Image
-from small_cases import case, plates
 
 from ruptfx import RuptfxError, plots
 from ruptfx.case import Case, parse_case, read_case

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from messages import facts
-from small_cases import merged, plates
+from helpers.messages import facts
+from helpers.small_cases import merged, plates
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.emission import read_catalogue

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts, says
+from helpers.messages import facts, says
 
 from ruptfx.check_law.examples import table
 from ruptfx.nucleation.forced_rupture import ForcedRupture

@@ -9,11 +9,11 @@ import h5py
 import matplotlib
 import numpy as np
 import pytest
-import synthetic
 import tomli_w
 import xarray
+from helpers import synthetic
+from helpers.messages import facts
 from matplotlib.figure import Figure
-from messages import facts
 from PIL import Image
 
 from ruptfx import RuptfxError, plots
@@ -463,7 +463,7 @@ def test_default_times_end_with_the_rupture(train):
 def test_strength_is_beside_the_traction_of_a_real_run(tmp_path):
     """Where it slides the traction is the strength; a point ahead of the front carries less."""
     pytest.importorskip("dolfinx")
-    from small_cases import case, slip_weakening
+    from helpers.small_cases import case, slip_weakening
 
     from ruptfx import simulate
     from ruptfx.plots._strength import strength

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from a_law import LAW
-from messages import facts, says
-from small_cases import plates, slip_weakening
+from helpers.a_law import LAW
+from helpers.messages import facts, says
+from helpers.small_cases import plates, slip_weakening
 from typer.testing import CliRunner
 
 import ruptfx.friction

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sliding_cases import rough, wave
-from small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
+from helpers.sliding_cases import rough, wave
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case, read_case
 from ruptfx.checks.preflight import preflight

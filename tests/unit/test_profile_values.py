@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 from pydantic import ValidationError
 
 from ruptfx.faults.initial_stress import InitialStress

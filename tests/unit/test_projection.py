@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts
-from small_cases import friction_laws
+from helpers.messages import facts
+from helpers.small_cases import friction_laws
 
 from ruptfx.check_law.examples import friction
 from ruptfx.faults.projection import ProjectionError, TracedLaw, project

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from messages import facts
-from small_cases import merged, plates
+from helpers.messages import facts
+from helpers.small_cases import merged, plates
 
 from ruptfx.case import parse_case
 from ruptfx.input.quantities import parse

@@ -7,8 +7,8 @@ import sys
 import h5py
 import numpy as np
 import pytest
-import synthetic
-from messages import facts
+from helpers import synthetic
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.input.former_names import FormerName

@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from small_cases import case
+from helpers.small_cases import case
 
 from ruptfx import plots, simulate
 from ruptfx.model import Model

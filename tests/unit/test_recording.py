@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.codegen.tracing import record, symbol, to_c, to_numpy

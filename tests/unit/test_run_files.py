@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
-import synthetic
 from click.testing import Result
-from messages import facts, says
+from helpers import synthetic
+from helpers.messages import facts, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError

@@ -10,10 +10,10 @@ import warnings
 from pathlib import Path
 
 import pytest
-from crack_cases import block
-from messages import facts, says
+from helpers.crack_cases import block
+from helpers.messages import facts, says
+from helpers.small_cases import SPLIT, plates
 from pydantic import ValidationError
-from small_cases import SPLIT, plates
 
 from ruptfx import RuptfxError
 from ruptfx.case import FOLDERS, parse_case

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from messages import facts, says
+from helpers.messages import facts, says
 from typer.testing import CliRunner
 
 from ruptfx.case import parse_case, read_case

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("gmsh")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import RawMesh

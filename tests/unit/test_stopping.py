@@ -6,8 +6,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
-from small_cases import SETS, merged, plates
+from helpers.messages import facts
+from helpers.small_cases import SETS, merged, plates
 
 from ruptfx import simulate
 from ruptfx.case import parse_case

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.messages import facts
 from matplotlib.container import ErrorbarContainer
-from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.study import curves

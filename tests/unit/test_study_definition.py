@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from messages import facts, facts_of
+from helpers.messages import facts, facts_of
 
 from ruptfx.schema import CaseError
 from ruptfx.study import Axis, read_study

@@ -14,7 +14,7 @@ import xarray
 
 pytest.importorskip("distributed")
 
-from messages import facts, says
+from helpers.messages import facts, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError

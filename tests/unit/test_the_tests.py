@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from conftest import Skips
-from messages import facts, says
+from helpers.messages import facts, says
 
 TESTS = Path(__file__).parents[1]
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
@@ -59,7 +59,7 @@ def test_messages_are_matched_by_their_facts(path: Path) -> None:
 
 
 def test_what_tests_share_is_in_no_test() -> None:
-    """A test that imports another one is tied to it: cases and functions of several are in the modules beside them."""
+    """A test that imports another one is tied to it: cases and functions of several are in `helpers`."""
     found = {
         (path.name, node.module) for path in TESTS.rglob("test_*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)

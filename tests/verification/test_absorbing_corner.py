@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_cases import SPLIT, merged, plates
+from helpers.small_cases import SPLIT, merged, plates
 
 pytest.importorskip("dolfinx")
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import HOMALITE, SPLIT, blocks, guided, merged, plates, tilted
+from helpers.small_cases import HOMALITE, SPLIT, blocks, guided, merged, plates, tilted
 
 pytest.importorskip("dolfinx")
 
 import ufl
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import plots, simulate
 from ruptfx.case import parse_case, read_case

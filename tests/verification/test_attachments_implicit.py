@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.small_cases import HOMALITE, case
 from scipy.optimize import brentq
-from small_cases import HOMALITE, case
 
 pytest.importorskip("dolfinx")
 

@@ -12,9 +12,9 @@ from scipy.special import jv
 
 pytest.importorskip("dolfinx")
 
+from helpers.small_cases import march
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
-from small_cases import march
 
 from ruptfx import RuptfxError, fem
 from ruptfx.analysis.polariscope import Camera

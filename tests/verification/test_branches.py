@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import Given, branched
+from helpers.small_cases import Given, branched
 
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case, read_case

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import GRANITE, NEVER, RUBS, case
+from helpers.crack_cases import GRANITE, NEVER, RUBS, case
 from pydantic import TypeAdapter
 
 pytest.importorskip("dolfinx")

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import Given, case, tilted, two_boxes
+from helpers.small_cases import Given, case, tilted, two_boxes
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.instruments._readings import ModelReadings
 from ruptfx.model import Model

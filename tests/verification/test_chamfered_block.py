@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, read_case, simulate
 from ruptfx.analysis.along_interface import body_stress

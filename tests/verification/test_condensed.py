@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, case, memory_friction
+from helpers.small_cases import COMPLIANT, case, memory_friction
 
 pytest.importorskip("dolfinx")
 

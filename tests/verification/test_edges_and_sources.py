@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import HOMALITE, SPLIT, advance, blocks, case, plates, tilted
+from helpers.small_cases import HOMALITE, SPLIT, advance, blocks, case, plates, tilted
 
 pytest.importorskip("dolfinx")
 
-from messages import facts, facts_of
+from helpers.messages import facts, facts_of
 
 from ruptfx.boundaries.moved import Moved
 from ruptfx.case import parse_case

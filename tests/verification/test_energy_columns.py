@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sliding_cases import rough
-from small_cases import COMPLIANT, HOMALITE, SPLIT, case
+from helpers.sliding_cases import rough
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, case
 
 pytest.importorskip("dolfinx")
 

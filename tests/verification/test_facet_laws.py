@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import HERE, NEVER, RUBS, WEAK, block, case
-from small_cases import march
+from helpers.crack_cases import HERE, NEVER, RUBS, WEAK, block, case
+from helpers.small_cases import march
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.checks.preflight import preflight

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import march
+from helpers.small_cases import march
 
 pytest.importorskip("dolfinx")
 

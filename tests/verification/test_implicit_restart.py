@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from small_cases import case, impact
+from helpers.compare import largest_difference
+from helpers.small_cases import case, impact
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from small_cases import COMPLIANT, merged, plates
+from helpers.compare import largest_difference
+from helpers.small_cases import COMPLIANT, merged, plates
 
 pytest.importorskip("dolfinx")
 

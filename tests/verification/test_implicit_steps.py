@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, advance, case, impact, march
+from helpers.small_cases import COMPLIANT, advance, case, impact, march
 
 pytest.importorskip("dolfinx")
 

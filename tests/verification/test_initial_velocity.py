@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, SPLIT, plates
+from helpers.small_cases import COMPLIANT, SPLIT, plates
 
 pytest.importorskip("dolfinx")
 

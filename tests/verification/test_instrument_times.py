@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, case, slip_weakening, unstressed
+from helpers.small_cases import COMPLIANT, HOMALITE, case, slip_weakening, unstressed
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, read_case, simulate
 from ruptfx.case import parse_case

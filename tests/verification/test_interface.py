@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.small_cases import HOMALITE, SPLIT, advance, case, guided, memory_friction, two_boxes
 from scipy.optimize import brentq
-from small_cases import HOMALITE, SPLIT, advance, case, guided, memory_friction, two_boxes
 
 pytest.importorskip("dolfinx")
 

@@ -11,14 +11,14 @@ import h5py
 import numpy as np
 import pytest
 import tomli_w
-from crack_cases import block
-from sliding_cases import rough
-from small_cases import INSTRUMENTS, case, plates
+from helpers.crack_cases import block
+from helpers.sliding_cases import rough
+from helpers.small_cases import INSTRUMENTS, case, plates
 from typer.testing import CliRunner
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 import ruptfx
 from ruptfx import simulation

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_cases import SPLIT, impact, march, merged, plates, slip_weakening
+from helpers.small_cases import SPLIT, impact, march, merged, plates, slip_weakening
 
 pytest.importorskip("ruptfx.fem")
 

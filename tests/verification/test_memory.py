@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from crack_cases import block, meeting_blocks
+from helpers.compare import largest_difference
+from helpers.crack_cases import block, meeting_blocks
+from helpers.sliding_cases import rough
+from helpers.small_cases import INSTRUMENTS, case, impact
 from scipy import sparse
-from sliding_cases import rough
-from small_cases import INSTRUMENTS, case, impact
 
 pytest.importorskip("dolfinx")
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Tab, browser, visit
-from labels import label_faults
-from messages import says
+from helpers.browser import Tab, browser, visit
+from helpers.labels import label_faults
+from helpers.messages import says
 from PIL import Image
 
 from ruptfx.results.run_files import write_json

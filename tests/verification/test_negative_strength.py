@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_cases import COMPLIANT, SPLIT, march, plates
+from helpers.small_cases import COMPLIANT, SPLIT, march, plates
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.checks.preflight import preflight

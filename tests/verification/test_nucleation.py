@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_cases import SPLIT, case
+from helpers.small_cases import SPLIT, case
 
 pytest.importorskip("dolfinx")
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import BRITTLE, HERE, NEVER, RUBS, SOFT, faulted
-from small_cases import branched, march
+from helpers.crack_cases import BRITTLE, HERE, NEVER, RUBS, SOFT, faulted
+from helpers.small_cases import branched, march
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.model import Model

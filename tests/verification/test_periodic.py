@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import HOMALITE, SPLIT, STRONG, case, march, merged, slip_weakening
+from helpers.small_cases import HOMALITE, SPLIT, STRONG, case, march, merged, slip_weakening
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case

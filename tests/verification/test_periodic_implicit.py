@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, case, march, merged, plates
+from helpers.small_cases import COMPLIANT, HOMALITE, case, march, merged, plates
 
 pytest.importorskip("dolfinx")
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import HOMALITE, SPLIT, merged, plates, tilted, two_boxes, wavy_plates
+from helpers.small_cases import HOMALITE, SPLIT, merged, plates, tilted, two_boxes, wavy_plates
 
 pytest.importorskip("dolfinx")
 
-from messages import facts, says
+from helpers.messages import facts, says
 
 from ruptfx import RuptfxError, fem, simulate
 from ruptfx.case import parse_case

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from small_cases import case
+from helpers.compare import largest_difference
+from helpers.small_cases import case
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.implicit import ConvergenceError
 from ruptfx.model import Model

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import HOMALITE, case
+from helpers.small_cases import HOMALITE, case
 
 pytest.importorskip("dolfinx")
 

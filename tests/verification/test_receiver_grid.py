@@ -8,11 +8,11 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from small_cases import SPLIT, plates, strike_slip
+from helpers.small_cases import SPLIT, plates, strike_slip
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import simulate
 from ruptfx.analysis.ground_motion import speeds_of

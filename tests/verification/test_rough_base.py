@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from compare import largest_difference
-from sliding_cases import STIFF
-from small_cases import march, merged
+from helpers.compare import largest_difference
+from helpers.sliding_cases import STIFF
+from helpers.small_cases import march, merged
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case, read_case

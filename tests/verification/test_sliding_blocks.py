@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sliding_cases import STIFF
-from small_cases import advance
+from helpers.sliding_cases import STIFF
+from helpers.small_cases import advance
 
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sliding_cases import STIFF, rough, wave
-from small_cases import advance
+from helpers.sliding_cases import STIFF, rough, wave
+from helpers.small_cases import advance
 
 pytest.importorskip("dolfinx")
 

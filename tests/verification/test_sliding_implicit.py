@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
+from helpers.compare import largest_difference
+from helpers.sliding_cases import STIFF, rough
+from helpers.small_cases import HOMALITE, merged, plates
+from helpers.whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on
 from scipy.integrate import solve_ivp
-from sliding_cases import STIFF, rough
-from small_cases import HOMALITE, merged, plates
-from whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from benchmarks import westergaard
 from ruptfx import RuptfxError, stages

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from sliding_cases import rough
-from whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on, stopped
+from helpers.compare import largest_difference
+from helpers.sliding_cases import rough
+from helpers.whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on, stopped
 
 from ruptfx.case import parse_case
 from ruptfx.model import Model

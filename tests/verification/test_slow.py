@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from compare import largest_difference
-from small_cases import merged
+from helpers.compare import largest_difference
+from helpers.small_cases import merged
 
 pytest.importorskip("dolfinx")
 
-from messages import says
+from helpers.messages import says
 
 from ruptfx import plots, simulation
 from ruptfx.case import parse_case

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import HERE, joined_bar
+from helpers.crack_cases import HERE, joined_bar
 
 pytest.importorskip("dolfinx")
 

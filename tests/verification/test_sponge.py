@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import SPLIT, march, merged, plates, strike_slip
+from helpers.small_cases import SPLIT, march, merged, plates, strike_slip
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from benchmarks import sponge as bench
 from ruptfx.case import parse_case

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare import largest_difference
-from small_cases import SPLIT, advance, case, plates
+from helpers.compare import largest_difference
+from helpers.small_cases import SPLIT, advance, case, plates
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx import RuptfxError, stages
 from ruptfx.boundaries import Motion

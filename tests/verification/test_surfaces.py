@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, march, slip_weakening, strike_slip
+from helpers.small_cases import COMPLIANT, HOMALITE, march, slip_weakening, strike_slip
 
 pytest.importorskip("dolfinx")
 
-from messages import facts
+from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.model import Model

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.small_cases import HOMALITE, case, march
 from scipy.optimize import brentq
-from small_cases import HOMALITE, case, march
 
 pytest.importorskip("dolfinx")
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, SPLIT, advance, case, guided
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, advance, case, guided
 
 pytest.importorskip("dolfinx")
 

@@ -15,7 +15,8 @@ from typing import Any
 import psutil
 import pytest
 import tomli_w
-from compare import largest_difference
+
+from helpers.compare import largest_difference
 
 pytest.importorskip("dolfinx")
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from reference_step import point, write_back
 
+from helpers.reference_step import point, write_back
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.fault_step import impedances
 from ruptfx.faults.interface import Interface

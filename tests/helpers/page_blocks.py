@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FENCE = re.compile(
     r"^(?P<indent> *)(?P<fence>```+|:::+)(?P<head>[^\n`]*)\n(?P<body>.*?)^(?P=indent)(?P=fence) *$",
     re.MULTILINE | re.DOTALL,
@@ -104,8 +104,7 @@ def _check_part(block: Block) -> None:
 
     What it lacks, as the page does not show it, does not count.
     """
-    from small_cases import plates
-
+    from helpers.small_cases import plates
     from ruptfx.case import Case, parse_case
     from ruptfx.schema import CaseError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from small_cases import merged
+from helpers.small_cases import merged
 
 STIFF = {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.25, "density": 1246.0}
 SOFT = {**STIFF, "young_modulus": 3.392e9}

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from small_cases import merged
-
+from helpers.small_cases import merged
 from ruptfx.case import Case, parse_case
 
 HERE = Path(__file__).parent

@@ -1,0 +1,1 @@
+"""What tests share: cases, meshes, made records, references in NumPy, comparisons, a browser."""
