@@ -176,9 +176,9 @@ def test_two_processes_and_another_study_are_refused(tmp_path):
     run(tmp_path, [2.0])
     with Store(tmp_path / "out", study(tmp_path, [2.0])), pytest.raises(RuptfxError, match=facts(r"process \d+ on")):
         run(tmp_path, [2.0])
-    with pytest.raises(RuptfxError, match=r"out: (?!.*axes V_imp).*--out"):
+    with pytest.raises(RuptfxError, match=r"out: (?!.*axes boundaries).*--out"):
         run(tmp_path, [2.0], extra="[set]\nduration = 1e-6")
-    with pytest.raises(RuptfxError, match=facts(r"out: .*axes .*V_imp.* duration.*--out")):
+    with pytest.raises(RuptfxError, match=facts(r"out: .*axes boundaries\.0\.velocity.* duration.*--out")):
         run(tmp_path, [2.0], extra='[[axes]]\nkey = "duration"\nvalues = [1e-6]')
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("")
