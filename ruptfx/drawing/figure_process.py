@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -103,7 +104,10 @@ def _drawn_by_others(out: Path) -> list[Path] | None:
     try:
         answer, _ = process.communicate(json.dumps(["draw", str(out.absolute())]) + "\n")
     except BaseException:
-        process.kill()
+        # With the processes that it has forked: they would wait for figures of a process that is gone.
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
         raise
     if not answer:
         return None

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from pathlib import Path
 
 import h5py
 import numpy as np
+import psutil
 import pytest
 from helpers import synthetic
 
@@ -75,6 +77,44 @@ def test_without_the_process_figures_are_drawn_all_the_same(run: Path, monkeypat
     figure_process.announce(run)
     figure_process.draw(run)
     assert len(list((run / "figures").iterdir())) > 3
+
+
+def test_ctrl_c_leaves_no_process(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process forks into several, which a signal to it alone does not end."""
+    waiting(monkeypatch)
+    process = figure_process._waiting
+    assert process is not None and process.stdin is not None
+    group: list[psutil.Process] = []
+    usual = process.communicate
+
+    def interrupted(request: str | None = None) -> tuple[str, str]:
+        if request is None:
+            return usual()
+        process.stdin.write(request)
+        process.stdin.flush()
+        for _ in range(600):
+            group[:] = psutil.Process(process.pid).children()
+            if len(group) == 2:
+                raise KeyboardInterrupt
+            time.sleep(0.05)
+        return "", ""
+
+    monkeypatch.setattr(process, "communicate", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        figure_process.draw(run)
+    for _ in range(200):
+        if not any(map(is_alive, group)):
+            break
+        time.sleep(0.05)
+    assert not any(map(is_alive, group))
+
+
+def is_alive(process: psutil.Process) -> bool:
+    """Whether it runs; one that is dead may wait for an init that collects it."""
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def test_its_start_is_timed() -> None:
