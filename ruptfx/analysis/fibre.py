@@ -1,7 +1,7 @@
 """A fibre pulled out of a matrix: the one-dimensional shear-lag solution.
 
 The fibre, of radius R and Young's modulus E, is a bar whose surface carries the traction tau(x); the matrix moves with
-the fibre's surface by tau / k, k = G / (R ln(R_o / R)) for a matrix of shear modulus G that is held at the radius R_o:
+the fibre's surface by tau / k, k = G / (R ln(R_o / R)) for a matrix of shear modulus G that is fixed at the radius R_o:
 
     (E R / 2) u'' = tau,    u at the loaded end x = 0 given, the other end, x = L, free.
 
@@ -69,9 +69,9 @@ class ShearLag:
             Fracture energy of the bond [J/m2].
         """
         E, R = self.young_modulus, self.radius
-        held = (strength + sqrt(2 * self.matrix_stiffness * energy)) / self.matrix_stiffness
-        at_end = E * held * np.tanh((self.length - sliding) / self.decay_length) / self.decay_length
-        moved = held + at_end * sliding / E + strength * sliding**2 / (E * R)
+        at_tip = (strength + sqrt(2 * self.matrix_stiffness * energy)) / self.matrix_stiffness
+        at_end = E * at_tip * np.tanh((self.length - sliding) / self.decay_length) / self.decay_length
+        moved = at_tip + at_end * sliding / E + strength * sliding**2 / (E * R)
         return moved, pi * R**2 * (at_end + 2 * strength * sliding / R)
 
     def elastic_stiffness(self) -> float:
@@ -81,7 +81,7 @@ class ShearLag:
     def critical_length(self, weakening: float) -> float:
         """Return the length [m] above which steady sliding of the fibre is unstable under a rate and state law.
 
-        The softest mode of a bar with one end held and the other free is a quarter of a wave, and gives the interface
+        The softest mode of a bar with one end fixed and the other free is a quarter of a wave, and gives the interface
         the stiffness 1 / (1 / (E R kappa^2 / 2) + 1 / k), kappa = pi / (2 L). It is unstable below the critical one,
         pressure (b - a) / D_c (Ruina 1983).
 

@@ -73,7 +73,7 @@ def static_stress_intensity(length: float, stress_drop: Along, shape: Shape, hei
     shape : str
         "bilateral", "edge" or "one tip".
     height : float, optional
-        H* = H G* / G [m] of two plates of height H whose far sides are held: K_s is that of an infinite body times
+        H* = H G* / G [m] of two plates of height H whose far sides are fixed: K_s is that of an infinite body times
         sqrt(tanh(z) / z), z = pi l / (2 H*), which is exact in mode III and for short and long cracks in mode II:
         G_s = drop^2 H / G for l >> H (Source: energy of the strip; Tada, Paris and Irwin 2000 for mode III).
     """

@@ -106,8 +106,8 @@ class Ground(Attached):
 
     def _strengths(self, damage: Floats) -> tuple[Floats, Floats]:
         """Return the strengths in tension and shear that a damage leaves [Pa]."""
-        held = self._cohesion.strength_at(damage, damage, damage)
-        return held.tension, held.shear
+        remaining = self._cohesion.strength_at(damage, damage, damage)
+        return remaining.tension, remaining.shear
 
     def springs(self) -> list[Springs]:
         def add(u: Floats, force: Floats) -> None:

@@ -32,7 +32,7 @@ class Samples:
         Of the values, ``1`` for a factor.
     at : callable
         Value at a time [s]; between samples it stays between theirs.
-    held : bool
+    constant_after : bool
         Whether a constant value after the last sample is intended.
     file : str
         File that the samples were read from, as the case names it; empty where the case has the numbers.
@@ -42,7 +42,7 @@ class Samples:
     values: list[float]
     unit: str
     at: Callable[[float], float]
-    held: bool
+    constant_after: bool
     file: str = ""
 
     def until(self, end: float) -> tuple[float, float]:
@@ -88,7 +88,7 @@ class Sampled(Part):
 
     @property
     def samples(self) -> Samples:
-        return Samples(self.times, self.values, "1", lambda time: float(self(time)), held=True)
+        return Samples(self.times, self.values, "1", lambda time: float(self(time)), constant_after=True)
 
 
 History = Annotated[Ricker | Sampled, Field(discriminator="kind")]

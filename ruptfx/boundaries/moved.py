@@ -79,8 +79,8 @@ class Moved(EdgeMotion):
         motion, moves = self.motion(np.zeros(0, dtype=int)), self.quantity == "velocity"
         course, rest = (motion.velocity, 0.0) if moves else (motion.displacement, self.values[-2])
         unit = "m/s" if moves else "m"
-        held = self.values[-1] == rest
-        return Samples(self.times, self.values, unit, lambda time: float(course(time)), held, self._read_from)
+        constant_after = self.values[-1] == rest
+        return Samples(self.times, self.values, unit, lambda time: float(course(time)), constant_after, self._read_from)
 
     def motion(self, dofs: np.ndarray) -> Motion:
         """Return displacement, velocity and acceleration of some degrees of freedom as functions of time."""

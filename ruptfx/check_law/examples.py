@@ -56,7 +56,7 @@ def flat(schema: Table) -> list[Table]:
     return [schema] if inner == [schema] else [item for entry in inner for item in flat(entry)]
 
 
-def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: bool = False) -> Table:
+def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool = False) -> Table:
     """Return a table of a case with a value for every field.
 
     Parameters
@@ -64,7 +64,7 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
     cls : type
     seed : int
         Other numbers for other seeds.
-    held : str, optional
+    law : str, optional
         Kind of the alternative inside a wrapper.
     profiles : bool
         Give every field that may vary along an interface as a profile.
@@ -77,7 +77,7 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
         options = flat(schema)
         if inner is not None:
             known = {kind: c for kind, c in alternatives(f"ruptfx.{inner}").items() if not holds(c)}
-            kind = held or min(known)
+            kind = law or min(known)
             result[name] = {"kind": kind, **table(known[kind], seed, None, profiles)}
         elif any(item.get("type") == "number" for item in options):
             limits = next(item for item in options if item.get("type") == "number")
@@ -150,7 +150,7 @@ def holds(cls: type[Part]) -> bool:
     return any(folder(schema) for schema in properties(cls).values())
 
 
-def friction(kind: str, held: str | None = None, seed: int = 0, profiles: bool = False) -> Part:
+def friction(kind: str, law: str | None = None, seed: int = 0, profiles: bool = False) -> Part:
     """Return an example law."""
     cls = alternatives("ruptfx.friction")[kind]
-    return cls.model_validate(table(cls, seed, held, profiles))
+    return cls.model_validate(table(cls, seed, law, profiles))

@@ -38,7 +38,7 @@ def _samples_row(quantity: str, boundary: Boundary, samples: Samples, end: float
                 "'time (us)' says so"
     elif first >= end:
         note += "; the run ends before the first: a longer duration, or earlier times"
-    elif last < end * (1 - 1e-9) and not samples.held:
+    elif last < end * (1 - 1e-9) and not samples.constant_after:
         note += "; they end before the run, and not at rest: more samples, or a shorter duration"
     else:
         return Row(quantity, len(samples.times), "", note)

@@ -287,10 +287,10 @@ class CollisionStep:
         before = state.fields.get(OF_COLLISIONS, np.zeros_like(added))
         work = 0.5 * since * self._over(before + added, state.velocity)
         state.fields[OF_COLLISIONS] = added
-        energy, held = state.energy, float(stored[0])
+        energy, overlapping = state.energy, float(stored[0])
         energy["frictional_dissipation"] += float(taken[0])
-        energy["collision_loss"] += energy["collisions"] - held - work - float(taken[0])
-        energy["collisions"] = held
+        energy["collision_loss"] += energy["collisions"] - overlapping - work - float(taken[0])
+        energy["collisions"] = overlapping
         self._remember(state)
 
     def stored(self, state: State) -> float:
@@ -325,10 +325,10 @@ class CollisionStep:
         if not parallel.anywhere(self.comm, changed):
             return False
         then, over = state.at_faults()[1], 0.5 * state.lag * state.velocity
-        held = self._cracks.stored(cracks, over, then)
+        former = self._cracks.stored(cracks, over, then)
         self._cracks.release(now == HANDED)
         # Energy in the springs of a facet at its replacement.
-        state.energy["collision_loss"] += held - self._cracks.stored(cracks, over, then)
+        state.energy["collision_loss"] += former - self._cracks.stored(cracks, over, then)
         field[:] = now
         return True
 
@@ -349,10 +349,10 @@ class CollisionStep:
         number, body, vertices = rows[:, 0].astype(int), rows[:, 1].astype(int), rows[:, 2:5].astype(int)
         # Facets that connect corners at vertices of these cells.
         near = np.isin(net.vertices, np.unique(vertices)).any(axis=1) & net.owned & (status < HANDED)
-        held = np.column_stack([self._number[net.cells[near]], net.vertices[near]])
-        held = parallel.share_rows(self.comm, held.astype(np.int64))
+        sides = np.column_stack([self._number[net.cells[near]], net.vertices[near]])
+        sides = parallel.share_rows(self.comm, sides.astype(np.int64))
         return _Surface(
-            number, body, vertices, _labels(number, vertices, held), sorted_, rows[:, 6] == self.comm.rank, cells,
+            number, body, vertices, _labels(number, vertices, sides), sorted_, rows[:, 6] == self.comm.rank, cells,
             np.bincount(rows[:, 6].astype(int), minlength=self.comm.size).tolist(), np.ascontiguousarray(rows[:, 5]),
         )  # fmt: skip
 
@@ -404,12 +404,12 @@ class CollisionStep:
 
     def _recall(self, state: State) -> None:
         """Restore the history of pairs from the state."""
-        pairs, held = self._pairs, state.pairs
+        pairs, saved = self._pairs, state.pairs
         assert pairs is not None
-        theirs = held["first"].astype(int) * MOST + held["second"].astype(int)
+        theirs = saved["first"].astype(int) * MOST + saved["second"].astype(int)
         _, mine, place = np.intersect1d(self._numbers(), theirs, return_indices=True)
         for name in self._memory:
-            pairs.memory[name][mine] = held[name][place]
+            pairs.memory[name][mine] = saved[name][place]
 
     def _remember(self, state: State) -> None:
         """Store the history of pairs in the state."""
@@ -473,12 +473,12 @@ class CollisionStep:
         return energy
 
 
-def _labels(number: np.ndarray, vertices: np.ndarray, held: np.ndarray) -> np.ndarray:
+def _labels(number: np.ndarray, vertices: np.ndarray, sides_at: np.ndarray) -> np.ndarray:
     """Return labels of corners, shape (cells, 3), from connecting facets: numbers of both cells, and both vertices."""
     from scipy import sparse
 
     own = np.stack([np.repeat(number, 3), vertices.ravel()], axis=1)
-    sides = [np.concatenate([held[:, [side, 2]], held[:, [side, 3]]]) for side in (0, 1)]
+    sides = [np.concatenate([sides_at[:, [side, 2]], sides_at[:, [side, 3]]]) for side in (0, 1)]
     rows = np.concatenate([own, *sides])
     names, place = np.unique(rows, axis=0, return_inverse=True)
     place = place.reshape(-1)

@@ -216,12 +216,12 @@ static double share(double energy, double done)
     return depth < 1 ? 0.5 * (1 + depth) : 1;
 }
 
-// Forces of all pairs [pair][2], cells [cell][6]; `modulus` of pairs, `rest` twice the initial areas.  `held` is the
+// Forces of all pairs [pair][2], cells [cell][6]; `modulus` of pairs, `rest` twice the initial areas.  `at_rest` is the
 // energy E_0 of an initial overlap without forces: such a pair has the energy (sqrt(E) - sqrt(E_0))^2, and E_0 decreases with
 // E.  Counted pairs add frictional dissipation to taken, and their energy to stored.  A law with rates or states keeps the normal
 // force in `pressure`, and its states.
 void collide(long pairs, const int *pair, const double *x, const double *moved, const double *rest,
-             const double *modulus, const double *friction, const double *counted, double *held, double *traction,
+             const double *modulus, const double *friction, const double *counted, double *at_rest, double *traction,
              double *force, double *taken, double *stored
 #if RATED
              , double since, const double *number, double *pressure, double *const *state
@@ -237,15 +237,15 @@ void collide(long pairs, const int *pair, const double *x, const double *moved, 
         push(&b, &a, modulus[n] * rest[first] * fabs(a.inverse), force_b, force_a, centre);
         if (centre[2] > 0) {
             const double now = overlap(&a, &b, modulus[n], rest[first], rest[second]);
-            if (now < held[n]) held[n] = now;
-            const double beyond = sqrt(now) - sqrt(held[n]), energy = beyond * beyond;
+            if (now < at_rest[n]) at_rest[n] = now;
+            const double beyond = sqrt(now) - sqrt(at_rest[n]), energy = beyond * beyond;
             double part = now > 0 ? beyond / sqrt(now) : 0, done = 0;
             for (int k = 0; k < 6; k++) done += force_a[k] * moved_a[k] + force_b[k] * moved_b[k];
             if (part * done != 0) part *= share(energy, part * done);
             for (int k = 0; k < 6; k++) force_a[k] *= part, force_b[k] *= part;
             *stored += counted[n] * energy;
         } else {
-            held[n] = 0;
+            at_rest[n] = 0;
         }
 #if RATED
         struct rated law = {.state = state, .l = (int)n, .since = since, .normal_stress_before = pressure[n]};

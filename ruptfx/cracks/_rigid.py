@@ -132,7 +132,7 @@ class RigidCracks(CrackStep):
         self._keep("place", np.stack([place[self.corners[facet, side, end]] for side in (0, 1)], axis=1))
         self._keep("split", np.zeros(count, np.int32))
         self._keep("left", np.ones(count, np.int32))
-        self.held = np.arange(count, dtype=np.int32)
+        self.summed_vertices = np.arange(count, dtype=np.int32)
         self._keep("leader", np.arange(self._nodes, dtype=np.int32))
         self.leader = self._arrays["leader"]
         self._most = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
@@ -236,7 +236,7 @@ class RigidCracks(CrackStep):
         touched = acting & (self._vertex_of >= 0)
         left[self._vertex_of[touched]] = True
         self._arrays["left"][:] = left
-        self.held = np.flatnonzero(left).astype(np.int32)
+        self.summed_vertices = np.flatnonzero(left).astype(np.int32)
         return np.flatnonzero((self._vertex_of < 0) | left[self._vertex_of])
 
     # -- steps -----------------------------------------------------------------------------------------------------

@@ -438,12 +438,12 @@ class CrackStep:
         jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
         frame = self._frame(displacement)
         density += np.sum(self.tractions(state, *frame) * jump, axis=2)
-        held = float((self.owned * self.weight) @ density.sum(axis=1))
+        stored = float((self.owned * self.weight) @ density.sum(axis=1))
         if displacement is not None and self.large_rotations:
             mean = rows[self.corners].mean(axis=1)
             turned = np.sum(frame[0] * (mean[:, 1] - mean[:, 0]), axis=1) / self._turned(displacement)[1]
-            held += float((self.owned * self._moment(state, displacement)) @ turned)
-        return held
+            stored += float((self.owned * self._moment(state, displacement)) @ turned)
+        return stored
 
     def gather(self, state: FaultState) -> FaultState:
         """Return fields of all facets on rank 0, in an order independent of the partition; collective.
@@ -615,7 +615,7 @@ def is_rated(friction: FrictionLaw) -> bool:
     _, friction = parameters_as_symbols(friction.at(np.zeros(1)), "p_")
     at_rest: Table = record(friction.advance, state, constant(0), sigma, since)
     return depends(record(friction.strength, rate, sigma, state), [rate]) or any(
-        at_rest[name] is not held for name, held in state.items()
+        at_rest[name] is not value for name, value in state.items()
     )
 
 

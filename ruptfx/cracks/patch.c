@@ -31,7 +31,7 @@ struct end {
     int minus, plus;     // components
     const struct law *law;
     const double *number;
-    double nx, ny, weight, z_normal, z_shear, open, slip, largest, most, held, normal, shear;
+    double nx, ny, weight, z_normal, z_shear, open, slip, largest, most, cohesive, normal, shear;
 };
 
 struct patch {
@@ -50,7 +50,7 @@ INLINE double normal_at(const struct end *end, double dt, double z, double pulle
 
 INLINE double shear_strength(const struct end *end, double *const *state, double normal)
 {
-    return end->held + (normal < 0 ? end->law->friction(end->number, state, end->at, -normal) : 0);
+    return end->cohesive + (normal < 0 ? end->law->friction(end->number, state, end->at, -normal) : 0);
 }
 
 // Jump of the velocity at an end along its normal, with opening / dt beyond CLOSED, and along its tangent.
@@ -144,11 +144,11 @@ static int eliminate(int n, double (*a)[UNKNOWNS], double *b)
         if (!(fabs(a[pivot][k]) > 1e-300)) return 0;
         if (pivot != k) {
             for (int j = k; j < n; j++) {
-                const double held = a[k][j];
-                a[k][j] = a[pivot][j], a[pivot][j] = held;
+                const double swapped = a[k][j];
+                a[k][j] = a[pivot][j], a[pivot][j] = swapped;
             }
-            const double held = b[k];
-            b[k] = b[pivot], b[pivot] = held;
+            const double swapped = b[k];
+            b[k] = b[pivot], b[pivot] = swapped;
         }
         for (int i = k + 1; i < n; i++) {
             const double part = a[i][k] / a[k][k];
@@ -169,8 +169,8 @@ static int eliminate(int n, double (*a)[UNKNOWNS], double *b)
 static double balance(const struct patch *p, double rho, const double (*v)[2], double (*tractions)[2],
                       double (*missing)[2], double (*matrix)[UNKNOWNS])
 {
-    double held[MOST_CORNERS][2], most = 0;
-    memcpy(held, p->free, p->pieces * sizeof *held);
+    double unloaded[MOST_CORNERS][2], most = 0;
+    memcpy(unloaded, p->free, p->pieces * sizeof *unloaded);
     if (matrix)
         for (int i = 0; i < 2 * p->pieces; i++)
             for (int j = 0; j < 2 * p->pieces; j++) matrix[i][j] = i == j;
@@ -195,7 +195,7 @@ static double balance(const struct patch *p, double rho, const double (*v)[2], d
             } else shear = trial, along = z_shear;
         }
         tractions[e][0] = normal, tractions[e][1] = shear;
-        exert(p, end, normal, shear, held);
+        exert(p, end, normal, shear, unloaded);
         if (!matrix) continue;
         const double n[2] = {end->nx, end->ny}, t[2] = {end->ny, -end->nx};
         for (int i = 0; i < 2; i++)
@@ -211,7 +211,7 @@ static double balance(const struct patch *p, double rho, const double (*v)[2], d
     }
     for (int i = 0; i < p->pieces; i++)
         for (int c = 0; c < 2; c++) {
-            missing[i][c] = v[i][c] - held[i][c];
+            missing[i][c] = v[i][c] - unloaded[i][c];
             most = fmax(most, fabs(missing[i][c]));
         }
     return most;

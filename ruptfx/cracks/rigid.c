@@ -198,7 +198,7 @@ static void begin(const struct rigid *r, struct end *end, double since, const do
     const double left = OLD(damage) < 1 ? end->law->left(end->number, OLD(damage)) : 0;
     end->largest = OLD(largest_opening);
     end->most = r->strength[2 * r->group[f]] * left;
-    end->held = r->strength[2 * r->group[f] + 1] * left;
+    end->cohesive = r->strength[2 * r->group[f] + 1] * left;
 }
 
 // Traction per velocity of both pieces along a direction, over the time that the traction acts.
@@ -274,11 +274,11 @@ static void vertex(const struct rigid *r, long v, double dt, double kick, double
         const double x = 0.5 * (velocity[b] + before[b] - velocity[a] - before[a]);
         const double y = 0.5 * (velocity[b + 1] + before[b + 1] - velocity[a + 1] - before[a + 1]);
         const double opening = end->open > 0 ? end->open : 0;
-        const double tension = end->normal > 0 ? end->normal : 0, held = OLD(normal_traction) > 0 ? OLD(normal_traction) : 0;
+        const double tension = end->normal > 0 ? end->normal : 0, former = OLD(normal_traction) > 0 ? OLD(normal_traction) : 0;
         const double pulled = end->normal * (x * end->nx + y * end->ny) * kick;
         const double rubbed = end->shear * (x * end->ny - y * end->nx) * kick;
-        const double kept = 0.5 * (tension * opening - held * OLD(inelastic_opening));
-        const double part = cohesive_share(end->held, fabs(end->shear));
+        const double kept = 0.5 * (tension * opening - former * OLD(inelastic_opening));
+        const double part = cohesive_share(end->cohesive, fabs(end->shear));
         const double area = end->weight * r->owned[l / 2];
         taken[0] += area * (1 - part) * rubbed;
         taken[1] += area * (part * rubbed + (end->normal > 0 ? pulled : 0) - kept);

@@ -103,7 +103,7 @@ class TracedLaw:
         True if the unknown V is the mean slip rate of the step that ends at the time of the traction (compliant
         contact, implicit steps), False if it is that of the step at whose beginning the traction acts (split nodes).
     bonded : bool
-        Whether `bond` is held besides friction.
+        Whether `bond` acts besides friction.
 
     Notes
     -----
@@ -370,7 +370,7 @@ def project(
     guess: np.ndarray | None = None,
     where: str = "",
     tangent: bool = False,
-    held: CohesiveStrength | None = None,
+    cohesive: CohesiveStrength | None = None,
 ) -> Projected:
     """Project trial tractions onto those that the law admits.
 
@@ -395,7 +395,7 @@ def project(
         Text added to the message of an error, for example the time.
     tangent : bool
         Compute derivatives, too.
-    held : CohesiveStrength, optional
+    cohesive : CohesiveStrength, optional
         Tensile and shear strength in addition to friction.
 
     Raises
@@ -403,8 +403,8 @@ def project(
     ProjectionError
         If a trial is not finite, or a law has no root.
     """
-    sigma = np.maximum(trial_normal, 0.0) if held is None else held.normal_stress(trial_normal)
-    together = sigma > 0 if held is None else (sigma > 0) | held.intact
+    sigma = np.maximum(trial_normal, 0.0) if cohesive is None else cohesive.normal_stress(trial_normal)
+    together = sigma > 0 if cohesive is None else (sigma > 0) | cohesive.intact
     shape = trial_shear.shape
     z = np.broadcast_to(impedance if np.ndim(impedance) == 2 else np.asarray(impedance)[..., None], shape)
     before = np.zeros(shape) if before is None else before
@@ -420,9 +420,9 @@ def project(
     known: Table = {
         "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
         "radiation": radiation,
-        "bond": 0.0 if held is None else held.shear,
+        "bond": 0.0 if cohesive is None else cohesive.shear,
     }  # fmt: skip
-    pressure = sigma if held is None else np.maximum(sigma, 0.0)
+    pressure = sigma if cohesive is None else np.maximum(sigma, 0.0)
     rate, direction = _solve(law, state, pressure, together, shifted, z, carried, dt, guess, known)
     bad = ~np.isfinite(rate)
     if np.any(bad):

@@ -53,15 +53,15 @@ class FrictionLaw(Alternative):
 
     @model_validator(mode="after")
     def _keeps_its_state(self) -> Self:
-        for held in self._held():
-            for name in sorted(held.state_fields.keys() & self.state_fields.keys() - COMMON):
+        for wrapped in self._wrapped():
+            for name in sorted(wrapped.state_fields.keys() & self.state_fields.keys() - COMMON):
                 raise ValueError(
-                    f"{self.kind()} holds {held.kind()}, and both call a state variable '{name}': one would "
+                    f"{self.kind()} holds {wrapped.kind()}, and both call a state variable '{name}': one would "
                     f"overwrite the other; hold a law without '{name}'"
                 )
         return self
 
-    def _held(self) -> Iterator[FrictionLaw]:
+    def _wrapped(self) -> Iterator[FrictionLaw]:
         """Yield the wrapped law, the law wrapped by that one, and so on."""
         law = getattr(self, "law", None)
         while law is not None:

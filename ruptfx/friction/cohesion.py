@@ -31,8 +31,8 @@ class Cohesion(FrictionLaw):
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         # The wrapped law carries the stress beyond the cohesion.
         frictional = np.maximum(np.abs(shear_stress) - self.c, 0.0)
-        held = self.law.initial_state(normal_stress, frictional, slip_rate)
-        return {**held, "cohesive_slip": np.zeros_like(normal_stress)}
+        inner = self.law.initial_state(normal_stress, frictional, slip_rate)
+        return {**inner, "cohesive_slip": np.zeros_like(normal_stress)}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
         bond = self.c * np.maximum(1 - state["cohesive_slip"] / self.D_cohesion, 0.0)
@@ -51,12 +51,12 @@ class Cohesion(FrictionLaw):
 
         Permanent cohesion adds c to the residual instead.
         """
-        held = self.law.lengths(normal_stress, slip_rate)
-        if not isinstance(held, Breakdown):
-            return held
+        inner = self.law.lengths(normal_stress, slip_rate)
+        if not isinstance(inner, Breakdown):
+            return inner
         bond = np.where(normal_stress > 0, self.c, 0.0)
         breaks = self.D_cohesion < NEVER
         return Breakdown(
-            held.peak + bond, held.residual + np.where(breaks, 0.0, bond),
-            held.energy + np.where(breaks, 0.5 * bond * self.D_cohesion, 0.0),
+            inner.peak + bond, inner.residual + np.where(breaks, 0.0, bond),
+            inner.energy + np.where(breaks, 0.5 * bond * self.D_cohesion, 0.0),
         )  # fmt: skip

@@ -38,26 +38,26 @@ class ForcedWeakening(FrictionLaw):
     """Time [s] from which the wrapped law acts alone again."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
-        held = self.law.initial_state(normal_stress, shear_stress, slip_rate)
+        inner = self.law.initial_state(normal_stress, shear_stress, slip_rate)
         # An open point has no coefficient: use that of the law under 1 Pa.
         pressure = np.where(normal_stress > 0, normal_stress, 1.0)
         fresh = self.law.initial_state(pressure, shear_stress, slip_rate)
         at_rest = self.law.strength(0.0 * pressure, pressure, fresh)
         # A creeping law has no strength at rest: use its initial traction.
         start = np.where(at_rest > 0, at_rest, np.abs(shear_stress)) / pressure
-        return {"clock": np.zeros_like(normal_stress), "coefficient_at_start": start, **held}
+        return {"clock": np.zeros_like(normal_stress), "coefficient_at_start": start, **inner}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        held, start = self.law.strength(slip_rate, normal_stress, state), state["coefficient_at_start"]
+        inner, start = self.law.strength(slip_rate, normal_stress, state), state["coefficient_at_start"]
         weakened = weakened_fraction(state["clock"], self.arrival, self.t_w)
         forced = ((1 - weakened) * start + weakened * self.mu_d) * normal_stress
         acts = np.where(state["clock"] < self.end, weakened, 0.0) > 0
-        return np.where(acts, np.minimum(held, forced), held)
+        return np.where(acts, np.minimum(inner, forced), inner)
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        held = self.law.advance(state, slip_rate, normal_stress, dt)
+        inner = self.law.advance(state, slip_rate, normal_stress, dt)
         own = {"clock": state["clock"] + dt, "coefficient_at_start": state["coefficient_at_start"]}
-        return {**held, **own}
+        return {**inner, **own}
 
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         return self.law.carried_slip_rate(shear_stress, normal_stress, state)

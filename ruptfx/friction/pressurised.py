@@ -38,15 +38,15 @@ class Pressurised(FrictionLaw):
         return np.maximum(normal_stress - self.pressure * there, 0.0)
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
-        held = self.law.initial_state(normal_stress, shear_stress, slip_rate)
-        return {"clock": np.zeros_like(normal_stress), **held}
+        inner = self.law.initial_state(normal_stress, shear_stress, slip_rate)
+        return {"clock": np.zeros_like(normal_stress), **inner}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
         return self.law.strength(slip_rate, self._left(normal_stress, state["clock"]), state)
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        held = self.law.advance(state, slip_rate, self._left(normal_stress, state["clock"]), dt)
-        return {**held, "clock": state["clock"] + dt}
+        inner = self.law.advance(state, slip_rate, self._left(normal_stress, state["clock"]), dt)
+        return {**inner, "clock": state["clock"] + dt}
 
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         return self.law.carried_slip_rate(shear_stress, self._left(normal_stress, state["clock"]), state)

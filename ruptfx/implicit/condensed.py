@@ -397,13 +397,13 @@ class _Changes:
         return whole
 
 
-def traction_change(traction: np.ndarray, before: np.ndarray, held: np.ndarray) -> np.ndarray:
+def traction_change(traction: np.ndarray, before: np.ndarray, sticking: np.ndarray) -> np.ndarray:
     """Return tractions less those before and those of sticking points; zero up to rounding is exactly zero [Pa].
 
     Products skip zeros.
     """
-    q = traction - before - held
-    q[np.abs(q) <= ROUNDING * (np.abs(traction) + np.abs(before) + np.abs(held))] = 0.0
+    q = traction - before - sticking
+    q[np.abs(q) <= ROUNDING * (np.abs(traction) + np.abs(before) + np.abs(sticking))] = 0.0
     return q
 
 

@@ -128,8 +128,8 @@ class InterfaceSteps:
     def _moved(self, unit: np.ndarray, compliance: Compliance) -> np.ndarray:
         """Return the displacement under moved edges with sticking interfaces; collective."""
         jumps = self._solver.jumps
-        held = blockwise_product(compliance.stuck, jumps.of(unit))
-        return unit + compliance.solve(self._model.internal_force(unit) - jumps.force(held, len(unit)))
+        sticking = blockwise_product(compliance.stuck, jumps.of(unit))
+        return unit + compliance.solve(self._model.internal_force(unit) - jumps.force(sticking, len(unit)))
 
     @staticmethod
     def _loaded(nodal: np.ndarray, compliance: Compliance) -> np.ndarray:
@@ -268,8 +268,9 @@ class InterfaceSteps:
         base, since, before = state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE]
         jump, jump_rate, traction_rate, base_traction = self._carried(state)
         traction = jumps.gather(self._equilibrium.forces.tractions(state))
-        held, held_rate = (blockwise_product(compliance.stuck, each) for each in (jump - jumps.of(base), jump_rate))
-        pulls = traction_change(traction, base_traction, held), traction_rate - held_rate
+        sticking = blockwise_product(compliance.stuck, jump - jumps.of(base))
+        rate = traction_rate - blockwise_product(compliance.stuck, jump_rate)
+        pulls = traction_change(traction, base_traction, sticking), rate
         forces = (jumps.force(-pull, len(base)) for pull in pulls)
         displacement, velocity = compliance.solve_each(forces, 2)
         displacement += base

@@ -131,7 +131,7 @@ class SurfaceStiffness:
         True for degrees of freedom without prescribed motion.
     stiffness : ndarray, shape (free, free)
         D [N/m].
-    held : ndarray, shape (free,)
+    springs : ndarray, shape (free,)
         h [N/m].
     """
 
@@ -139,15 +139,15 @@ class SurfaceStiffness:
         self.surfaces, nodal = surfaces, (-1, surfaces.local)
         own = tangent.diagonal + factors[0] * model.mass
         self.free = surfaces.gather(model.loads.prescribed.reshape(nodal)).ravel() == 0
-        held = surfaces.gather(own.reshape(nodal))
-        tangent.update(*factors, {}, driven=tangent.unit, held=surfaces.force(held, len(own)))
+        springs = surfaces.gather(own.reshape(nodal))
+        tangent.update(*factors, {}, driven=tangent.unit, springs=surfaces.force(springs, len(own)))
         self.factors = Factors(model, tangent)
         blocks = self.factors.answers(surfaces)
         free, size = self.free, surfaces.points * surfaces.local
         compliance = blocks.transpose(2, 0, 3, 1).reshape(size, size)[np.ix_(free, free)]
-        self.held = held.ravel()[free]
+        self.springs = springs.ravel()[free]
         self.stiffness = inv(0.5 * (compliance + compliance.T), overwrite_a=True, check_finite=False)
-        self.stiffness[np.diag_indices_from(self.stiffness)] -= self.held
+        self.stiffness[np.diag_indices_from(self.stiffness)] -= self.springs
 
     def destroy(self) -> None:
         """Free the factors; collective."""
@@ -192,13 +192,13 @@ class PairedCompliance(Influence):
         if norm(bodies.factors.model, beside) > small:
             begun, moved = np.zeros_like(force), bodies.factors.solve(force)
             v = surfaces.gather(moved.reshape(-1, surfaces.local)).ravel()[bodies.free]
-            acting = bodies.stiffness @ v + bodies.held * v  # the force with that displacement of the nodes
+            acting = bodies.stiffness @ v + bodies.springs * v  # the force with that displacement of the nodes
 
         def finish(q: np.ndarray) -> np.ndarray:
             pull = self._jump.T @ (self.weight[:, None] * q).ravel()
             v = self._compliance @ (acting - pull)
             given = np.zeros(len(bodies.free))
-            given[bodies.free] = bodies.held * v - self._closed @ v - pull
+            given[bodies.free] = bodies.springs * v - self._closed @ v - pull
             rest = surfaces.force(given.reshape(-1, surfaces.local), len(force))
             return np.asarray(moved + bodies.factors.solve(begun + rest))
 

@@ -71,7 +71,7 @@ class Tangent:
         return fem.matrix(stiffness_form(bulk), coupled, tied)
 
     def update(
-        self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, held: np.ndarray | None = None,
+        self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, springs: np.ndarray | None = None,
         reactions: Sequence[Reaction] = (),
     ) -> bool | None:  # fmt: skip
         """Fill the matrix; return whether it is symmetric, or None if it has not changed; collective.
@@ -82,7 +82,7 @@ class Tangent:
             dT / d[u] by fault [Pa/m]; missing faults contribute nothing.
         driven : float
             Diagonal entry of rows of driven nodes and of copies of tied nodes, whose other entries are zero.
-        held : ndarray, shape (nodes * components,), optional
+        springs : ndarray, shape (nodes * components,), optional
             Springs to the ground [N/m]; they must be a function of the other parameters.
         reactions : sequence of Reaction
             Forces of mechanisms, with their stiffness.
@@ -105,8 +105,8 @@ class Tangent:
             matrix.axpy(model.viscosity.eta * c_C, self._viscous, fem.PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         diagonal = matrix.createVecLeft()
         diagonal.array[:] = model.layout.reduce_tied(c_M * model.mass + c_C * self._dashpot)[: self._owned]
-        if held is not None:
-            diagonal.array[:] += held[: self._owned]
+        if springs is not None:
+            diagonal.array[:] += springs[: self._owned]
         matrix.setDiagonal(diagonal, addv=fem.PETSc.InsertMode.ADD_VALUES)
         diagonal.destroy()
         for fault in model.faults:

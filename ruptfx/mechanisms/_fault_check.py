@@ -163,7 +163,7 @@ def _bond_rows(
     for mode, given in energies.items():
         strength, energy = (float(np.broadcast_to(value, fault.normal_stress_0.shape)[point]) for value in given)
         if strength == 0:
-            yield Row(f"{label}: cohesion, mode {mode}", "none", "", "nothing is held there")
+            yield Row(f"{label}: cohesion, mode {mode}", "none", "", "no strength there")
             continue
         zone = 9 * np.pi / 16 * modulus * energy / strength**2
         yield Row(f"{label}: cohesion, process zone {mode}", zone, "m", "at rest; it shrinks as cracks get faster")
@@ -193,8 +193,8 @@ def rows_without_effect(model: System, fault: Fault) -> Iterator[Row]:
     along = f"positions {position.min():.6g} to {position.max():.6g} m"
     law = next(part for _, part in given if isinstance(part, FrictionLaw)).at(places)  # not yet weakened
     for number, nucleation in enumerate(fault.nucleation):
-        held, law = law, nucleation.weaken(law, places)
-        if not _acts(nucleation, held, law, fault, model.case.duration):
+        original, law = law, nucleation.weaken(law, places)
+        if not _acts(nucleation, original, law, fault, model.case.duration):
             yield Row(
                 f"{label}.nucleation.{number}", "no effect", "", f"{nucleation.kind()} with {_shown(nucleation)}: it "
                 f"changes nothing within {model.case.duration:.6g} s at {along}; move it onto the interface", "error",
@@ -205,7 +205,7 @@ def rows_without_effect(model: System, fault: Fault) -> Iterator[Row]:
             yield Row(key, values[0], "", f"at all {along}: {_shown(profile)} varies nowhere there", "warning")
 
 
-def _acts(nucleation: Nucleation, held: FrictionLaw, weakened: FrictionLaw, fault: Fault, duration: float) -> bool:
+def _acts(nucleation: Nucleation, original: FrictionLaw, weakened: FrictionLaw, fault: Fault, duration: float) -> bool:
     """Return whether a nucleation loads a point, or weakens the law of a point, within the duration."""
     position = fault.interface.locations
     normal = np.where(fault.normal_stress_0 > 0, fault.normal_stress_0, 1.0)
@@ -219,7 +219,7 @@ def _acts(nucleation: Nucleation, held: FrictionLaw, weakened: FrictionLaw, faul
     times = np.linspace(0, duration, 21)
     if any(np.any(nucleation.shear_traction(position, time)) for time in times):
         return True
-    return weakened is not held and any(np.any(strengths(held, t) != strengths(weakened, t)) for t in times)
+    return weakened is not original and any(np.any(strengths(original, t) != strengths(weakened, t)) for t in times)
 
 
 def _profiles(part: Part, key: str) -> Iterator[tuple[str, Any]]:

@@ -189,7 +189,7 @@ class ExtrinsicFacets(Facets):
             self._sum(found)
 
     def combine(self, state: State, kick: Kick) -> None:
-        self._rigid.total(state.force, state.force, self._rigid.held)
+        self._rigid.total(state.force, state.force, self._rigid.summed_vertices)
 
     def after_kick(self, state: State, kick: Kick) -> None:
         stepped, clock = self._stepped, kick.clock

@@ -60,14 +60,14 @@ class Faults(Mechanism):
 
     def add_energies(self, state: State, energies: dict[str, float]) -> None:
         half = 0.5 * state.lag
-        held = taken = preload = 0.0
+        stored = dissipated = preload = 0.0
         for fault in self.faults:
             added = half * fault.interface.rate(state.velocity)
             found = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
-            held, taken = held + found[0], taken + found[1]
+            stored, dissipated = stored + found[0], dissipated + found[1]
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
-        energies["interface_elastic"] += held
-        energies["frictional_dissipation"] += taken
+        energies["interface_elastic"] += stored
+        energies["frictional_dissipation"] += dissipated
         energies["boundary_work"] += preload
 
     def springs(self) -> list[Springs]:

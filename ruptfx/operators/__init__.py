@@ -144,7 +144,7 @@ class FusedOperator(Operator, Protocol):
     def damps(self) -> bool:
         """True if its steps include the damping of all elements."""
 
-    def prepare_step(self, held: np.ndarray) -> None:
+    def prepare_step(self, by_caller: np.ndarray) -> None:
         """Set which nodes steps leave to the caller, shape (nodes,); nodes shared with other ranks always."""
 
     def step_boundary(

@@ -125,12 +125,13 @@ class MatrixFree:
 
     # -- the fused step --------------------------------------------------------------------------------------------
 
-    def prepare_step(self, held: np.ndarray) -> None:
+    def prepare_step(self, by_caller: np.ndarray) -> None:
         """Set which nodes `step` leaves to the caller; nodes shared with other ranks always.
 
         Parameters
         ----------
-        held : ndarray of bool, shape (nodes,)
+        by_caller : ndarray of bool, shape (nodes,)
+            True at nodes left to the caller.
         """
         node = self._keep["dof"].reshape(self._batches, self._cell_nodes, -1) // self._components
         size = max(1, self._block_nodes * 4 // (node.shape[1] * node.shape[2]))
@@ -144,7 +145,7 @@ class MatrixFree:
         done_in = np.full(self._nodes, -1, dtype=np.int32)
         for block in range(self._blocks):
             done_in[node[first[block] : first[block + 1]].ravel()] = block
-        done_in[held | self._shared] = -1
+        done_in[by_caller | self._shared] = -1
         nodes = np.argsort(done_in, kind="stable")[np.count_nonzero(done_in < 0) :].astype(np.int32)
         in_row = _rows(nodes, done_in[nodes], node.shape[2])
         for name, which in (("row", in_row == 0), ("single", in_row < 0)):
@@ -159,8 +160,8 @@ class MatrixFree:
     ) -> float:
         """Add the internal force of all elements and make one leapfrog step of every node not left to the caller.
 
-        Updated nodes: velocity = decay velocity + dt force / mass, displacement += dt velocity, force = 0. Held nodes:
-        the internal force is added to `force`, which the caller uses and sets to zero.
+        Updated nodes: velocity = decay velocity + dt force / mass, displacement += dt velocity, force = 0. At nodes of
+        the caller the internal force is added to `force`, which the caller uses and sets to zero.
 
         Parameters
         ----------

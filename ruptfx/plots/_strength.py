@@ -41,7 +41,7 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
         for nucleation in fault.nucleation:
             law = nucleation.weaken(law, position)
         bond = fault.cohesion
-        held = 0.0 if bond is None else bond.at(position).left_strength(data["damage"].isel(time=rows).values)
+        cohesive = 0.0 if bond is None else bond.at(position).left_strength(data["damage"].isel(time=rows).values)
     except (RuptfxError, TypeError):  # a position given as a point has no scalar coordinate
         return None
     states = law.all_state_fields()
@@ -51,7 +51,7 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     rate, normal, *values = (np.asarray(data[each].isel(time=rows).values) for each in names)
     state = dict(zip(states, values, strict=True))
     with np.errstate(all="ignore"):  # a law with a direct effect has no strength at rest
-        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + held + np.zeros_like(rate)
+        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + cohesive + np.zeros_like(rate)
     return np.where(np.isfinite(found), found, np.nan)
 
 

@@ -24,8 +24,8 @@ def reserved(comm: fem.MPI.Comm, out: Path) -> Iterator[None]:
     RuptfxError
         On all ranks: another run writes there, or the directory cannot be written.
     """
-    with ExitStack() as held:
-        parallel.on_root(comm, lambda: held.enter_context(directories.reserved(out)))
+    with ExitStack() as stack:
+        parallel.on_root(comm, lambda: stack.enter_context(directories.reserved(out)))
         yield
 
 

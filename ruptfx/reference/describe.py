@@ -225,7 +225,7 @@ def keys_of(cls: type[Part]) -> list[Key]:
 
 def _elsewhere(cls: type[Part], schema: object) -> str:
     """Return the topics that describe the values of a key, from its JSON schema."""
-    topics = {held.__name__: topic for topic, tables in TABLES.items() for held in tables.values() if held is not cls}
+    topics = {part.__name__: topic for topic, tables in TABLES.items() for part in tables.values() if part is not cls}
     found = [
         name if key == "x-folder" else topics.get(name.rpartition("/")[2], "")
         for key, name in _references(schema)
@@ -249,14 +249,14 @@ def _with_held(found: Mapping[str, type[Part]]) -> Iterator[Entry]:
         yield _entry(name, cls)
         todo = [(f"{name}.{key}", field.annotation) for key, field in cls.model_fields.items()]
         while todo:
-            where, held = todo.pop(0)
-            if not (isinstance(held, type) and issubclass(held, Part)):
-                todo += [(where, inner) for inner in typing.get_args(held)]
-            elif held not in seen and not issubclass(held, Alternative):
-                seen.add(held)
-                kind = typing.get_args(held.model_fields["kind"].annotation) if "kind" in held.model_fields else ()
-                yield _entry(f"{where}, kind {kind[0]}" if kind else where, held)
-                todo += [(f"{where}.{key}", field.annotation) for key, field in held.model_fields.items()]
+            where, part = todo.pop(0)
+            if not (isinstance(part, type) and issubclass(part, Part)):
+                todo += [(where, inner) for inner in typing.get_args(part)]
+            elif part not in seen and not issubclass(part, Alternative):
+                seen.add(part)
+                kind = typing.get_args(part.model_fields["kind"].annotation) if "kind" in part.model_fields else ()
+                yield _entry(f"{where}, kind {kind[0]}" if kind else where, part)
+                todo += [(f"{where}.{key}", field.annotation) for key, field in part.model_fields.items()]
 
 
 def _entry(name: str, cls: type[Part]) -> Entry:

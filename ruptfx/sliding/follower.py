@@ -60,12 +60,12 @@ class Follower:
         dofs = face.dofs
         moved = not geometry.all_covered and np.abs(state.displacement[dofs] - followed[dofs]).max() > face.near
         if slid or moved:
-            held = self._held_in_springs(state)
+            stored = self._energy_of_springs(state)
             self._remember(state, state.displacement, slip)
             self._stretch(state)
-            state.add_energy(self._fault.name, "pairing_update_loss", held - self._held_in_springs(state))
+            state.add_energy(self._fault.name, "pairing_update_loss", stored - self._energy_of_springs(state))
 
-    def _held_in_springs(self, state: State) -> float:
+    def _energy_of_springs(self, state: State) -> float:
         """Return the energy of compliant contact at the time of the velocity, points of this rank [J]."""
         if not any(self._fault.contact.stiffness()):
             return 0.0
@@ -83,8 +83,8 @@ class Follower:
         if self._cohesion is None:
             fields["normal_stress"][:] = np.maximum(trial.normal_stress, 0.0)
         else:
-            held = self._cohesion.strength_at(fields["damage"], fields["largest_opening"], trial.normal_compliance)
-            fields["normal_stress"][:] = held.normal_stress(trial.normal_stress)
+            cohesive = self._cohesion.strength_at(fields["damage"], fields["largest_opening"], trial.normal_compliance)
+            fields["normal_stress"][:] = cohesive.normal_stress(trial.normal_stress)
             fields["opening"][:] = (fields["normal_stress"] - trial.normal_stress) * trial.normal_compliance
         fields["shear_traction"][:] = trial.shear_traction[0]
 
@@ -106,7 +106,7 @@ class Follower:
         followed[dofs], slip_then[:] = displacement[dofs], slip
         self._follow(followed, slip_then)
         self._made = state
-        if self._cohesion is not None:  # a point that has lost its opposite surface is no longer held
+        if self._cohesion is not None:  # a point that has lost its opposite surface has lost its cohesion, too
             state.faults[self._fault.name]["damage"][~self.face.covered] = 1.0
         if len(dofs):
             self._doubt(followed[dofs].reshape(-1, 2), state.fault_time)
@@ -154,7 +154,7 @@ class StepFollower(Follower):
         super().__init__(fault)
         self.name, self._model = fault.name, model
         none = np.zeros(0)
-        self._begun, self._slip_begun, self._pull_begun, self._held = none, none, none, 0.0  # at the beginning
+        self._begun, self._slip_begun, self._pull_begun, self._stored_begun = none, none, none, 0.0  # at the beginning
         self._estimate, self._taken, self._slip, self._pull = none, (none, none), none, none
 
     def begin(self, state: State) -> None:
@@ -162,7 +162,7 @@ class StepFollower(Follower):
         self._recall(state)
         fields = state.faults[self.name]
         self._begun, self._slip_begun = state.displacement.copy(), self.face.jump(state.displacement)[:, 1]
-        self._pull_begun, self._held = self._pull_of(fields), self._energy(fields, state.time)
+        self._pull_begun, self._stored_begun = self._pull_of(fields), self._energy(fields, state.time)
 
     def at(self, displacement: Floats) -> None:
         """Set the geometry at an estimate of the displacement at the end."""
@@ -221,7 +221,7 @@ class StepFollower(Follower):
         """
         taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
         self._remember(state, *self._taken)
-        stored = self._energy(state.faults[self.name], state.time) - self._held
+        stored = self._energy(state.faults[self.name], state.time) - self._stored_begun
         state.add_energy(self.name, "impact_loss", taken - dissipated - stored)
 
     def _pull_of(self, fields: FaultState) -> Floats:

@@ -40,7 +40,7 @@ class Table(ctypes.Structure):
 
     _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns", "width")] + [
         (name, ctypes.c_void_p) for name in (
-            "dofs", "first", "coupling", "paired", "transposed", "frame", "weight", "across", "back", "held",
+            "dofs", "first", "coupling", "paired", "transposed", "frame", "weight", "across", "back", "forces",
         )
     ]  # fmt: skip
 

@@ -15,7 +15,7 @@ struct pairing {
     const double *frame;      // n times 2 x 2, zero for points without a partner
     const double *weight;     // n
     double *across, *back;    // x, y of the other side, m + columns each, and of the forces on it
-    double *held;             // x, y of the forces at the points, n + width each
+    double *forces;             // x, y of the forces at the points, n + width each
 };
 
 typedef double run __attribute__((vector_size(RUN * sizeof(double)), aligned(8), may_alias));
@@ -53,7 +53,7 @@ static inline __attribute__((always_inline)) void opposite_mean(const struct pai
 // back = B' times the forces of the points, of node j of the other side.
 static inline __attribute__((always_inline)) void react(const struct pairing *f, long j)
 {
-    const double *x = f->held + f->paired[j];
+    const double *x = f->forces + f->paired[j];
     double sum[2];
     product(f->transposed + j * f->width, f->width, x, x + f->n + f->width, sum);
     for (int c = 0; c < 2; c++) f->back[c * (f->m + f->columns) + j] = sum[c];
@@ -84,7 +84,7 @@ void assemble(const struct pairing *f, const double *local, double *field)
         const double *frame = f->frame + 4 * i, *value = local + 2 * i;
         for (int c = 0; c < 2; c++) {
             const double force = f->weight[i] * (frame[c] * value[0] + frame[2 + c] * value[1]);
-            f->held[c * (f->n + f->width) + i] = force;
+            f->forces[c * (f->n + f->width) + i] = force;
             field[f->dofs[i] + c] += force;
         }
     }

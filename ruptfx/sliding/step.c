@@ -9,7 +9,7 @@ struct sweeps {
     double tolerance;
     const double *push;     // velocity per force at the nodes of both sides [m/s/N]
     const double *initial;  // force of the bodies' own initial stress there
-    const long *held;       // places of those nodes among the velocities before the step
+    const long *places;       // places of those nodes among the velocities before the step
     double *begun;          // velocities before contact there, but for what `initial` does
     const double *frame;    // of points: 2 x 2, zero without a partner, and weights
     const double *offset;   // of the jump
@@ -73,8 +73,8 @@ INLINE void rates_of(const struct pairing *f, const struct sweeps *s, long first
     lanes own[2];
     for (int c = 0; c < 2; c++) {
         const double *begun = s->begun + c * nodes + first, *push = s->push + c * nodes + first;
-        const double *held = f->held + c * (f->n + f->width) + first;
-        EACH_LANE own[c][l] = begun[l] - push[l] * held[l];
+        const double *acting = f->forces + c * (f->n + f->width) + first;
+        EACH_LANE own[c][l] = begun[l] - push[l] * acting[l];
     }
     apart(f, s, first, count, own, s->rate);
 }
@@ -84,14 +84,14 @@ INLINE int hold_of(const struct pairing *f, const struct sweeps *s, long first)
 {
     const long points = filled(f);
     const double *traction = s->traction + first, *load = s->load + first, *frame = s->frame + first;
-    double *held_x = f->held + first, *held_y = held_x + f->n + f->width, any = 0;
+    double *acting_x = f->forces + first, *acting_y = acting_x + f->n + f->width, any = 0;
     _Pragma("omp simd reduction(+:any)")
     for (int l = 0; l < LANES; l++) {
         const double normal = -traction[l], shear = traction[points + l] - load[l];
         const double x = frame[4 * points + l] * (frame[l] * normal + frame[2 * points + l] * shear);
         const double y = frame[4 * points + l] * (frame[points + l] * normal + frame[3 * points + l] * shear);
-        any += fabs(held_x[l] - x) + fabs(held_y[l] - y);
-        held_x[l] = x, held_y[l] = y;
+        any += fabs(acting_x[l] - x) + fabs(acting_y[l] - y);
+        acting_x[l] = x, acting_y[l] = y;
     }
     return any != 0;
 }
@@ -202,8 +202,8 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
         double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
         EACH_LANE {
             const int closed = TOGETHER(points->sigma[l]), stuck = (points->rate[l] == 0) & closed, there = l < count;
-            const double held = points->trial_shear[0][l] - points->z[0][l] * (stuck ? 0 : slip_rate_of(points, 0, l));
-            normal[l] = there ? points->sigma[l] : 0, shear[l] = there & closed ? held : 0;
+            const double stuck_shear = points->trial_shear[0][l] - points->z[0][l] * (stuck ? 0 : slip_rate_of(points, 0, l));
+            normal[l] = there ? points->sigma[l] : 0, shear[l] = there & closed ? stuck_shear : 0;
         }
         if (!hold_of(f, s, first)) continue;
         const int more = unconverged(f, s, first, given, scale);
@@ -234,7 +234,7 @@ INLINE double start(const struct pairing *f, const struct sweeps *s, double *con
     EACH_BLOCK jump_of(f, s, displacement, f->dofs, first, (int)count, s->jump);
     for (long i = 0; i < 2 * points; i++) s->jump[i] += s->offset[i];
     memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double));
-    memset(f->held, 0, 2 * (f->n + f->width) * sizeof(double));
+    memset(f->forces, 0, 2 * (f->n + f->width) * sizeof(double));
     memset(s->stirred, 0, s->parts);
     for (int c = 0; c < 2; c++)
         memcpy(f->across + c * (f->m + f->columns), s->begun + c * nodes + points, f->m * sizeof(double));
@@ -256,7 +256,7 @@ INLINE void leave(const struct pairing *f, const struct sweeps *s, double *veloc
     for (long i = 0; i < f->n + f->m; i++)
         for (int c = 0; c < 2; c++) {
             const long j = i - f->n, at = c * nodes + (i < f->n ? i : points + j);
-            const double contact = i < f->n ? -f->held[c * (f->n + f->width) + i] : f->back[c * (f->m + f->columns) + j];
+            const double contact = i < f->n ? -f->forces[c * (f->n + f->width) + i] : f->back[c * (f->m + f->columns) + j];
             const double pull = s->initial[at] + contact;
             if (pull == 0) continue;
             velocity[f->dofs[i] + c] = s->begun[at] + s->push[at] * contact;
@@ -329,8 +329,8 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
     turn(s, MOVED);
     // Where nothing has changed rates are those of the last sweep.
     if (s->most) EACH_BLOCK if (!s->parts || reached(s, first)) rates_of(f, s, first, (int)count);
-    look_across(f, before, s->held);
-    EACH_BLOCK if (!s->most || acts(f, s, first)) jump_of(f, s, before, s->held, first, (int)count, s->before);
+    look_across(f, before, s->places);
+    EACH_BLOCK if (!s->most || acts(f, s, first)) jump_of(f, s, before, s->places, first, (int)count, s->before);
     if (s->most) work_of(f, s, times->kick, fixed, result);
     else for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
     return settled || many == 0 ? done + 1 : 0;

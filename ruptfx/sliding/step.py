@@ -40,7 +40,7 @@ class _Sweeps(ctypes.Structure):
     _fields_ = [
         ("most", ctypes.c_long), ("tolerance", ctypes.c_double), *(
             (name, ctypes.c_void_p) for name in (
-                "push", "initial", "held", "begun", "frame", "offset", "load", "jump", "before", "traction", "rate",
+                "push", "initial", "places", "begun", "frame", "offset", "load", "jump", "before", "traction", "rate",
             )
         ), ("parts", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("reach", "stirred", "upto")),
     ]  # fmt: skip
@@ -168,11 +168,11 @@ class SlidingStep:
             return self._points.loss - self._opened
         before, now = self._stress_before, state["normal_stress"]
         none = [0.0 * now]
-        held, holds = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
+        stored_before, stored = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
         work = -0.5 * (before + now) * self._before[0, : len(now)] * self.clock.since
         if not self.clock.since:  # initial overlap, as counted by the first half of a step
             work = 0.5 * (now - before) * self._face.rate(velocity)[:, 0] * self.clock.kick
-        return self._sum(work - (holds - held)) - self._opened
+        return self._sum(work - (stored - stored_before)) - self._opened
 
     def fractured(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
         """Return the energy that cohesion dissipates in the step, points of this rank [J]."""

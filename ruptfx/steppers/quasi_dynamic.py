@@ -37,7 +37,7 @@ SLOWEST = -230.0  # lower bound of ln V
 FASTEST = 50.0  # upper bound of ln V without radiation
 NUDGE = 1e-6  # difference of ln V for numerical slopes
 BALANCED = 1e-9  # largest residual of a point over its shear traction
-HELD = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
+IMMOBILE = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
 
 
 class QuasiDynamic(Stepper):
@@ -119,7 +119,7 @@ class QuasiDynamicMotion(SlowMotion):
         factors = lu_factor(S * (1 - k * c) + np.diag(c), overwrite_a=True)
         self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
         own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, self._shear]
-        self._held = np.any(own < HELD * own.max(), axis=1)
+        self._prescribed = np.any(own < IMMOBILE * own.max(), axis=1)
 
     def _time_of_loads(self) -> float:
         """Return the first of the largest step, its double and so on at which loads act [s]; collective.
@@ -252,7 +252,7 @@ class QuasiDynamicMotion(SlowMotion):
         found, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
-                whole = (y[:, shear:], traction, growth, self._guess, self._held)
+                whole = (y[:, shear:], traction, growth, self._guess, self._prescribed)
                 found[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
         columns = self._jumps.gather(found)
         parts = np.cumsum([shear, self._states, slip.shape[1]])
@@ -262,7 +262,7 @@ class QuasiDynamicMotion(SlowMotion):
 
     def _answer(
         self, fault: Fault, time: float, variables: np.ndarray, traction: np.ndarray, growth: np.ndarray,
-        guess: np.ndarray, held: np.ndarray,
+        guess: np.ndarray, prescribed: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """Return slip rate, rates of the state variables, traction and ln V of the points of one fault, in columns."""
         law, evolution, eta = fault.friction, self._evolutions[fault.name], self.radiation[fault.name]
@@ -275,19 +275,19 @@ class QuasiDynamicMotion(SlowMotion):
 
         x, residual = zero_of(missing, guess, size, np.log(size / eta))
         x = np.where((pressure > 0) & np.isfinite(size), x, np.nan)
-        wrong = np.flatnonzero(np.isnan(x) & ~held)
+        wrong = np.flatnonzero(np.isnan(x) & ~prescribed)
         if len(wrong):
             values = {"residual": residual, "shear traction": size, "normal stress": pressure}
             self._unbalanced = self._error(fault, time, wrong[0], values)
         rate = np.where(x > SLOWEST, np.exp(x), 0.0 * x)[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
-        if held.any():
+        if prescribed.any():
             # Slip follows the bodies there, and friction gives the traction.
-            rate = np.where(held[:, None], growth[:, self._shear], rate)
+            rate = np.where(prescribed[:, None], growth[:, self._shear], rate)
             speed = np.linalg.norm(rate, axis=1)
             carried = (law.strength(speed, pressure, state) + eta * speed)[:, None] * rate
             carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
-            traction[:, self._shear] = np.where(held[:, None], carried, traction[:, self._shear])
-            x = np.where(held, np.log(np.maximum(speed, np.exp(SLOWEST))), x)
+            traction[:, self._shear] = np.where(prescribed[:, None], carried, traction[:, self._shear])
+            x = np.where(prescribed, np.log(np.maximum(speed, np.exp(SLOWEST))), x)
         changing = evolution.rates(state, np.exp(x), pressure)
         unused = np.zeros((len(x), self._states - evolution.columns))
         return np.column_stack([rate, changing, unused, traction, x])

@@ -46,13 +46,13 @@ class Store:
         strangers = [p.name for p in self.path.glob("*") if p.name not in (LOCK, "points")]
         if strangers and not marker.is_file():
             raise RuptfxError(f"{self.path}: holds something else ({strangers[0]}); choose another --out")
-        with ExitStack() as held:
-            held.enter_context(reserved(self.path))
+        with ExitStack() as stack:
+            stack.enter_context(reserved(self.path))
             self.points.mkdir(exist_ok=True)
             self._claim(marker)
             for left in self.points.glob(".*"):
                 shutil.rmtree(left, ignore_errors=True)
-            self._held = held.pop_all()
+            self._held = stack.pop_all()
         return self
 
     def _claim(self, marker: Path) -> None:

@@ -38,9 +38,9 @@ SLIP = [{"kind": "final_slip", "sigma": 1e-6}]
 RUPTURE = {"duration": 14e-6, "objective": SLIP}
 
 
-def of_examples(kind: str, held: str | None) -> dict[str, Any]:
+def of_examples(kind: str, wrapped: str | None) -> dict[str, Any]:
     """Example of a law, without the initial slip rate where the state is given, too."""
-    law = friction(kind, held).model_dump(mode="json", exclude_none=True)
+    law = friction(kind, wrapped).model_dump(mode="json", exclude_none=True)
     inner = law
     while "law" in inner:
         inner = inner["law"]
@@ -64,10 +64,10 @@ def reproduced(sweeps: Sweeps) -> tuple[float, float]:
     return worst, sliding
 
 
-@pytest.mark.parametrize("kind, held", [law for law in friction_laws() if law[1] in (None, "coulomb")])
+@pytest.mark.parametrize("kind, wrapped", [law for law in friction_laws() if law[1] in (None, "coulomb")])
 @pytest.mark.parametrize("contact", CONTACTS)
-def test_every_law_and_contact_has_exact_transposes(kind: str, held: str | None, contact: str) -> None:
-    case = bench.sliding_plates(of_examples(kind, held), CONTACTS[contact], "strain", steps=60)
+def test_every_law_and_contact_has_exact_transposes(kind: str, wrapped: str | None, contact: str) -> None:
+    case = bench.sliding_plates(of_examples(kind, wrapped), CONTACTS[contact], "strain", steps=60)
     worst, sliding = reproduced(Objective(case, case.objective, fem.MPI.COMM_SELF).sweeps)
     assert worst < 1e-12
     assert sliding > 0.02

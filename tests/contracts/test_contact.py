@@ -34,7 +34,7 @@ pytestmark = pytest.mark.fem
 METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.explicit}
 every_method = pytest.mark.parametrize("method", METHODS)
 LAWS = friction_laws()
-every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
+every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
 
 
 def contact(method: str, seed: int = 0) -> Any:
@@ -115,9 +115,9 @@ def steps_agree(
 
 @every_method
 @every_law
-def test_compiled_step_is_the_reference_step(method: str, kind: str, held: str | None) -> None:
+def test_compiled_step_is_the_reference_step(method: str, kind: str, wrapped: str | None) -> None:
     random = np.random.default_rng(7)
-    worst, opened, slid = steps_agree(a_fault(method, friction(kind, held, profiles=True), 2, random), 2, random)
+    worst, opened, slid = steps_agree(a_fault(method, friction(kind, wrapped, profiles=True), 2, random), 2, random)
     # Both stop when the residual is below 1e-13 of the trial traction.
     assert worst < 1e-10
     assert 0.05 < opened < 0.95 and slid > 0.05
@@ -125,10 +125,10 @@ def test_compiled_step_is_the_reference_step(method: str, kind: str, held: str |
 
 @every_method
 @pytest.mark.parametrize("components", [1, 3])
-@pytest.mark.parametrize("kind, held", [("coulomb", None), ("prakash_clifton", "rate_and_state_power_law")])
-def test_compiled_step_in_antiplane_and_3d(method: str, components: int, kind: str, held: str | None) -> None:
+@pytest.mark.parametrize("kind, wrapped", [("coulomb", None), ("prakash_clifton", "rate_and_state_power_law")])
+def test_compiled_step_in_antiplane_and_3d(method: str, components: int, kind: str, wrapped: str | None) -> None:
     random = np.random.default_rng(3)
-    worst, *_ = steps_agree(a_fault(method, friction(kind, held), components, random), components, random)
+    worst, *_ = steps_agree(a_fault(method, friction(kind, wrapped), components, random), components, random)
     assert worst < 1e-10
 
 
@@ -295,7 +295,7 @@ def test_trial_stops_the_jump_or_follows_it(method: str) -> None:
     wider = replace(point, opening_jump=opening + moved[0], slip_jump=[slip[:, 0] + moved[1]])
     further = fault.contact.trial(wider)
     ends = [(np.asarray(t.normal_stress), np.asarray(t.shear_traction[0])) for t in (trial, further)]
-    held = [fault.contact.stored(n, [s], 0 * n, [0 * s]) for n, s in ends]
+    stored = [fault.contact.stored(n, [s], 0 * n, [0 * s]) for n, s in ends]
     work = np.zeros(POINTS)
     if C_n:
         stiffness = (ends[0][0] - ends[1][0]) / moved[0]
@@ -305,7 +305,8 @@ def test_trial_stops_the_jump_or_follows_it(method: str) -> None:
         stiffness = (ends[1][1] - ends[0][1]) / moved[1]
         assert stiffness.min() > 0 and stiffness.max() < C_s * (1 + 1e-5)
         work += 0.5 * (ends[0][1] + ends[1][1]) * moved[1]
-    np.testing.assert_allclose(held[1] - held[0], work, rtol=1e-4, atol=1e-10 * np.abs(held[0]).max(initial=1e-300))
+    most = 1e-10 * np.abs(stored[0]).max(initial=1e-300)
+    np.testing.assert_allclose(stored[1] - stored[0], work, rtol=1e-4, atol=most)
 
 
 @every_method

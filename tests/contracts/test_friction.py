@@ -24,7 +24,7 @@ from ruptfx.schema import CaseError, alternatives
 
 LAWS = friction_laws()
 SEEDS = (0, 1, 2)
-every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
+every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
 every_example = pytest.mark.parametrize("seed", SEEDS)
 
 
@@ -34,8 +34,8 @@ def test_a_law_says_what_it_is(kind: str) -> None:
 
 
 @every_law
-def test_labels_of_its_figure_keep_apart(kind: str, held: str | None) -> None:
-    assert label_faults(figure.draw(friction(kind, held))) == []
+def test_labels_of_its_figure_keep_apart(kind: str, wrapped: str | None) -> None:
+    assert label_faults(figure.draw(friction(kind, wrapped))) == []
 
 
 @pytest.mark.parametrize("name", sorted(RESERVED))
@@ -66,7 +66,7 @@ WRAPPERS = [kind for kind, cls in alternatives("ruptfx.friction").items() if hol
 @pytest.mark.parametrize("outer", WRAPPERS)
 @pytest.mark.parametrize("inner", WRAPPERS)
 def test_laws_that_hold_each_other_share_no_state(outer: str, inner: str) -> None:
-    plain = [kind for kind, held in LAWS if held is None]
+    plain = [kind for kind, wrapped in LAWS if wrapped is None]
     tables = [friction(kind, plain[0]).model_dump(mode="json") for kind in (outer, inner)]
     nested = {**tables[0], "law": tables[1]}
     laws = alternatives("ruptfx.friction")
@@ -88,26 +88,26 @@ def test_laws_that_hold_each_other_share_no_state(outer: str, inner: str) -> Non
 @pytest.mark.parametrize("check", CHECKS)
 def test_every_check_is_for_some_law(check: str) -> None:
     """For the others it gives a reason, with which the next test skips."""
-    assert any(CHECKS[check](friction(kind, held, 0), 0) is None for kind, held in LAWS)
+    assert any(CHECKS[check](friction(kind, wrapped, 0), 0) is None for kind, wrapped in LAWS)
 
 
 @every_law
 @every_example
 @pytest.mark.parametrize("check", CHECKS)
-def test_a_law_keeps_its_contract(check: str, kind: str, held: str | None, seed: int) -> None:
-    reason = CHECKS[check](friction(kind, held, seed), seed)
+def test_a_law_keeps_its_contract(check: str, kind: str, wrapped: str | None, seed: int) -> None:
+    reason = CHECKS[check](friction(kind, wrapped, seed), seed)
     if reason:
         pytest.skip(reason)
 
 
 @every_law
-def test_profiles_survive_toml(kind: str, held: str | None) -> None:
-    toml(friction(kind, held, profiles=True), 0)
+def test_profiles_survive_toml(kind: str, wrapped: str | None) -> None:
+    toml(friction(kind, wrapped, profiles=True), 0)
 
 
 @every_law
-def test_profiles_are_evaluated_point_by_point(kind: str, held: str | None) -> None:
-    varying = friction(kind, held, profiles=True)
+def test_profiles_are_evaluated_point_by_point(kind: str, wrapped: str | None) -> None:
+    varying = friction(kind, wrapped, profiles=True)
     position = np.linspace(0, 1, 5)
     law = varying.at(position)
     sigma, rate = np.full(5, 2e6), np.full(5, 0.3)
@@ -131,14 +131,14 @@ def test_profiles_are_evaluated_point_by_point(kind: str, held: str | None) -> N
 
 @every_law
 @every_example
-def test_lengths_are_those_of_the_strength(kind: str, held: str | None, seed: int) -> None:
+def test_lengths_are_those_of_the_strength(kind: str, wrapped: str | None, seed: int) -> None:
     """A breakdown is what sliding at one rate loses; a rate dependence what a small change of the rate does."""
-    law = friction(kind, held, seed)
+    law = friction(kind, wrapped, seed)
     sigma, v = np.array([1e6, 0.0, 3e6]), 3.0
     lengths = law.lengths(sigma, v)
     fields = law.all_state_fields()
     alone = "Pa" not in fields.values() and "clock" not in fields  # else more than the law's own changes its strength
-    if not alone and held is not None:
+    if not alone and wrapped is not None:
         assert type(lengths) is type(law.law.lengths(sigma, v))
     if alone and isinstance(lengths, Breakdown):
         # Strength over slip by Simpson's rule, from 1e-9 of the shortest length to 1e6 of the longest, below 1 mm.
@@ -160,7 +160,7 @@ def test_lengths_are_those_of_the_strength(kind: str, held: str | None, seed: in
 
 
 def test_some_laws_say_their_lengths() -> None:
-    found = {kind: type(friction(kind, held).lengths(1e6, 1.0)) for kind, held in LAWS if held is None}
+    found = {kind: type(friction(kind, wrapped).lengths(1e6, 1.0)) for kind, wrapped in LAWS if wrapped is None}
     assert found["linear_slip_weakening"] is Breakdown and found["rate_and_state_ageing"] is RateDependence
     assert found["velocity_weakening"] is type(None)
 

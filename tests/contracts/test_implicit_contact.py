@@ -31,7 +31,7 @@ pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.implicit}
 every_method = pytest.mark.parametrize("method", METHODS)
 LAWS = friction_laws()
-every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
+every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
 HELD = [
     {"kind": "driven", "edge": "lower.bottom", "component": component, "velocity": 0.0} for component in "xy"
 ] + [{"kind": "traction", "edge": "upper.top", "traction": [1e5, -2e6], "ramp": 1e-3}]  # fmt: skip
@@ -66,9 +66,9 @@ def a_moment(
 @every_method
 @pytest.mark.parametrize("components", [1, 2, 3])
 @every_law
-def test_tangent_is_the_derivative(method: str, components: int, kind: str, held: str | None) -> None:
+def test_tangent_is_the_derivative(method: str, components: int, kind: str, wrapped: str | None) -> None:
     """Central differences of the traction; stuck, sliding and open points, the state advanced within."""
-    fault, state, jump, size, given = a_moment(method, components, friction(kind, held, profiles=True))
+    fault, state, jump, size, given = a_moment(method, components, friction(kind, wrapped, profiles=True))
 
     def at(jump: np.ndarray) -> Response:
         return respond_reference(fault, state, jump, **given, threshold=1e-3)
@@ -105,15 +105,15 @@ def response_agrees(method: str, components: int, law: Any) -> None:
 
 @every_method
 @every_law
-def test_compiled_response_is_the_reference(method: str, kind: str, held: str | None) -> None:
-    response_agrees(method, 2, friction(kind, held, profiles=True))
+def test_compiled_response_is_the_reference(method: str, kind: str, wrapped: str | None) -> None:
+    response_agrees(method, 2, friction(kind, wrapped, profiles=True))
 
 
 @every_method
 @pytest.mark.parametrize("components", [1, 3])
-@pytest.mark.parametrize("kind, held", [("coulomb", None), ("prakash_clifton", "rate_and_state_power_law")])
-def test_compiled_response_in_antiplane_and_3d(method: str, components: int, kind: str, held: str | None) -> None:
-    response_agrees(method, components, friction(kind, held))
+@pytest.mark.parametrize("kind, wrapped", [("coulomb", None), ("prakash_clifton", "rate_and_state_power_law")])
+def test_compiled_response_in_antiplane_and_3d(method: str, components: int, kind: str, wrapped: str | None) -> None:
+    response_agrees(method, components, friction(kind, wrapped))
 
 
 @every_method
@@ -233,9 +233,9 @@ def test_equilibrium_balances_and_leaves_the_state_alone(method: str) -> None:
     free = ~model.loads.prescribed
     unbalanced = (solution.internal - equilibrium.forces.load(state.time))[free]
     assert np.abs(unbalanced).max() < 1e-9 * solution.scale
-    # What is held carries the load: sum of reactions = 0.1 of the final traction times the length, 12 mm.
-    held = ~free.reshape(-1, 2)[: model.owned_nodes, 0]
-    reaction = parallel.total(model.comm, solution.internal.reshape(-1, 2)[: model.owned_nodes][held].sum(axis=0))
+    # What is driven carries the load: sum of reactions = 0.1 of the final traction times the length, 12 mm.
+    driven = ~free.reshape(-1, 2)[: model.owned_nodes, 0]
+    reaction = parallel.total(model.comm, solution.internal.reshape(-1, 2)[: model.owned_nodes][driven].sum(axis=0))
     np.testing.assert_allclose(reaction, [-1e4 * 12e-3, 2e5 * 12e-3], rtol=1e-9)
 
 

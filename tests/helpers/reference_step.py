@@ -69,26 +69,26 @@ def point(
     near = fault.components(guess or state, "mean_slip_rate")
     known_state = {name: state[name] for name in law.state_names}
 
-    def projected(held: CohesiveStrength | None) -> Projected:
+    def projected(cohesive: CohesiveStrength | None) -> Projected:
         return project(
             law, known_state | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}, trial.normal_stress,
             np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
             clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
-            where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent, held=held,
+            where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent, cohesive=cohesive,
         )  # fmt: skip
 
     if fault.cohesion is None:
         return trial, projected(None), None
     if not law.at_end:
         bonded = known_beforehand(fault, state, jump, trial, clock)
-        return trial, projected(bonded.held), bonded
+        return trial, projected(bonded.cohesive), bonded
 
     def at(damage: np.ndarray) -> tuple[Projected, Bonded]:
-        held = fault.traced_cohesion().strength_at(damage, state["largest_opening"], trial.normal_compliance)
-        found = projected(held)
+        cohesive = fault.traced_cohesion().strength_at(damage, state["largest_opening"], trial.normal_compliance)
+        found = projected(cohesive)
         opened = (found.normal_stress - trial.normal_stress) * trial.normal_compliance
         slid = state["damaging_slip"] + clock.since * np.linalg.norm(found.mean_slip_rate, axis=1)
-        return found, Bonded(damage, np.maximum(state["largest_opening"], opened), slid, held)
+        return found, Bonded(damage, np.maximum(state["largest_opening"], opened), slid, cohesive)
 
     def missing(damage: np.ndarray) -> np.ndarray:
         _, bonded = at(damage)
@@ -111,7 +111,7 @@ class Bonded:
     damage: np.ndarray
     largest: np.ndarray
     slid: np.ndarray
-    held: CohesiveStrength
+    cohesive: CohesiveStrength
 
 
 Found = tuple[Trial, Projected, Bonded | None]
@@ -155,12 +155,12 @@ def write_back(
     fractured, closed = np.zeros_like(power), done.normal_stress > 0
     if bonded is not None:
         new |= {"damage": bonded.damage, "largest_opening": bonded.largest, "damaging_slip": bonded.slid}
-        closed |= bonded.held.intact
+        closed |= bonded.cohesive.intact
         if law.at_end:
             fractured = fault.cohesive_losses(old, new, 1.0).shear
         else:
             whole = np.linalg.norm(done.shear_traction, axis=1)
-            shear = bonded.held.shear
+            shear = bonded.cohesive.shear
             fractured = np.where(whole > shear, shear / np.where(whole > 0, whole, 1.0), 1.0) * power
         power = power - fractured
     at = Moment(

@@ -20,7 +20,7 @@ from ruptfx.friction.velocity_weakening import VelocityWeakening
 
 N = 2000
 LAWS = friction_laws()
-every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
+every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
 
 
 def one(law: FrictionLaw, trial_normal: float, trial_shear: Any, Z: float = 1e6, **options: Any) -> Any:
@@ -33,9 +33,9 @@ def one(law: FrictionLaw, trial_normal: float, trial_shear: Any, Z: float = 1e6,
 @every_law
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("extreme", [False, True])
-def test_the_root_is_a_root(kind: str, held: str | None, seed: int, extreme: bool) -> None:
+def test_the_root_is_a_root(kind: str, wrapped: str | None, seed: int, extreme: bool) -> None:
     """|T| = trial - Z V and |T| = strength(V) where it slips, |T| <= strength(0) where it does not."""
-    law = friction(kind, held, seed)
+    law = friction(kind, wrapped, seed)
     random = np.random.default_rng([seed, 5])
     wide = 3.0 if extreme else 1.0
     sigma = 10 ** random.uniform(6 - wide, 6 + wide, N)
@@ -66,11 +66,11 @@ def test_the_root_is_a_root(kind: str, held: str | None, seed: int, extreme: boo
 
 def test_steps_do_not_go_round_in_circles() -> None:
     """Met in a run: steps in V led from 2.7 to 68 m/s and steps in log V back, for ever; the root is at 12.8 m/s."""
-    held = RateAndStatePowerLaw(
+    wrapped = RateAndStatePowerLaw(
         mu_s=0.6, mu_d=0.367353, V_0=39.9676, V_1=27.682, p=1.2, m=3.42914, L_0=2.94185e-6, A_0=2.02208,
         theta_0_initial=5.596e-5,
     )  # fmt: skip
-    law = PrakashCliftonTwo(law=held, L_1=5.04426e-6, L_2=2.4753e-5, C=0.534763, D=0.358336)
+    law = PrakashCliftonTwo(law=wrapped, L_1=5.04426e-6, L_2=2.4753e-5, C=0.534763, D=0.358336)
     state = {"theta_0": np.array([3.14511e-8]), "theta_1": np.array([9.15887e6]), "theta_2": np.array([6.15029e6])}
     normal, trial, Z = np.array([1.71174e7]), np.array([[5648850.59148074]]), np.array([9752.66])
     done = project(TracedLaw(law, at_end=True), state, normal, trial, Z, 2.4e-8,

@@ -22,10 +22,10 @@ STIFF_SPRINGS = {"kind": "compliant", "C_n": 1e13, "C_s": 1e13}
 METHODS = pytest.mark.parametrize("contact", [STIFF_SPRINGS, SPLIT], ids=["compliant", "split_node"])
 
 
-def strip(contact: dict[str, Any], held: str, drive: list[dict[str, Any]], **changes: Any) -> tuple[Any, Any, Any]:
-    """One element wide column of two bodies, 12 mm each: `held` is the direction in which its sides do not move."""
+def strip(contact: dict[str, Any], fixed: str, drive: list[dict[str, Any]], **changes: Any) -> tuple[Any, Any, Any]:
+    """One element wide column of two bodies, 12 mm each: `fixed` is the direction in which its sides do not move."""
     column = case({
-        "order": 4, "boundaries": guided(held) + drive, "faults.main.contact": contact,
+        "order": 4, "boundaries": guided(fixed) + drive, "faults.main.contact": contact,
         "mesh": {"kind": "two_plates", "length": 1e-3, "height": 12e-3, "element_size": 1e-3}, **changes,
     })  # fmt: skip
     model = Model(column)
@@ -178,7 +178,7 @@ def test_normal_stress_memory_relaxes_over_slip(steps: int) -> None:
 @pytest.mark.parametrize("edge", [
     {"kind": "absorbing"}, {"kind": "driven", "component": "x", "velocity": 0.0},
     {"kind": "driven", "component": "y", "velocity": 0.0},
-], ids=["absorbing", "roller", "held across"])  # fmt: skip
+], ids=["absorbing", "roller", "fixed across"])  # fmt: skip
 def test_an_interface_in_3d_meets_an_edge(edge: dict[str, Any]) -> None:
     """Dashpots and rollers differ between the tangents there, and so do their impedances: stable, and nothing is lost.
 

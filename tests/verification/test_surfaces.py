@@ -22,18 +22,18 @@ pytestmark = pytest.mark.fem
 BODIES = ("upper", "lower")
 
 
-def extruded(flat: dict[str, Any], layers: int, held: str) -> dict[str, Any]:
-    """The solid above a plane case, with components of the motion held on both faces."""
+def extruded(flat: dict[str, Any], layers: int, fixed: str) -> dict[str, Any]:
+    """The solid above a plane case, with components of the motion fixed on both faces."""
     mesh = {"kind": "extruded", "section": flat["mesh"], "thickness": 3e-3, "layers": layers}
     faces = [
         {"kind": "driven", "edge": f"{body}.{face}", "component": component, "velocity": 0.0}
-        for body in BODIES for face in ("front", "back") for component in held
+        for body in BODIES for face in ("front", "back") for component in fixed
     ]  # fmt: skip
     return {**copy.deepcopy(flat), "mesh": mesh, "plane": "solid", "boundaries": [*flat.get("boundaries", []), *faces]}
 
 
-@pytest.mark.parametrize("plane, held, rake", [("strain", "z", 0.0), ("antiplane", "xy", 90.0)])
-def test_an_extruded_section_moves_as_the_plane(plane: str, held: str, rake: float) -> None:
+@pytest.mark.parametrize("plane, fixed, rake", [("strain", "z", 0.0), ("antiplane", "xy", 90.0)])
+def test_an_extruded_section_moves_as_the_plane(plane: str, fixed: str, rake: float) -> None:
     """Modes II and III: slip, tractions and rupture times of a spontaneous rupture in the plane, to 1e-9.
 
     The second tangent of the surface is -z, and the positive antiplane slip is along +z.
@@ -41,7 +41,7 @@ def test_an_extruded_section_moves_as_the_plane(plane: str, held: str, rake: flo
     flat = slip_weakening(
         {"plane": plane, "order": 3, "duration": 6e-6, "mesh.element_size": 2e-3, "stepper.time_step": 6e-8}
     )
-    solid = extruded(flat, 2, held)
+    solid = extruded(flat, 2, fixed)
     solid["faults"]["main"]["initial_stress"]["rake"] = rake
     model_2, _, state_2 = march(parse_case(flat))
     model_3, _, state_3 = march(parse_case(solid))

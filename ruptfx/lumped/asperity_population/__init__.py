@@ -96,9 +96,9 @@ class AsperityPopulation(LumpedModel):
             segment = self._slide(population, speed, self.speeds[max(number - 2, 0)])
             rows += segment if number else []  # the first segment only removes the effect of the initial state
         progress((total - 1) / total, f"hold of {self.hold:g} s")
-        held = self._stand(population)
+        after_hold = self._stand(population)
         trace = Trace(*np.array(rows).T[:3])
-        return self._dataset(np.array(rows).T, trace, np.array(held).T)
+        return self._dataset(np.array(rows).T, trace, np.array(after_hold).T)
 
     def _slide(self, population: Population, speed: float, before: float) -> list[tuple[float, ...]]:
         """Return rows of duration, slip rate, friction, mean age and contacts, with short steps after a faster rate."""
@@ -124,7 +124,7 @@ class AsperityPopulation(LumpedModel):
             dt = max(dt, self.step * time)
         return rows
 
-    def _dataset(self, rows: np.ndarray, trace: Trace, held: np.ndarray) -> xarray.Dataset:
+    def _dataset(self, rows: np.ndarray, trace: Trace, after_hold: np.ndarray) -> xarray.Dataset:
         duration, speed, friction, age, contacts = rows
         guess = self.shear_strengthening * friction[0]
         fields: Table = {
@@ -133,7 +133,7 @@ class AsperityPopulation(LumpedModel):
             "friction": variable("sample", friction, "1", "friction coefficient"),
             "mean_age": variable("sample", age, "s", "mean age of the contacts"),
             "contacts": variable("sample", contacts, "1", "number of contacts"),
-            "static_friction": variable("hold", held[1], "1", "friction coefficient after a hold"),
+            "static_friction": variable("hold", after_hold[1], "1", "friction coefficient after a hold"),
             "steady_friction": variable(
                 "speed", [self.steady(v) for v in sorted(set(self.speeds))], "1", "steady friction, infinite population"
             ),
@@ -143,8 +143,8 @@ class AsperityPopulation(LumpedModel):
             law, misfit = trace.fit(start)
             predicted, theta = trace.predicted(law)
             one = np.ones(())
-            waited = law.advance({"theta": theta[-1] * one}, 0 * one, one, held[0])
-            after = law.strength(self.speeds[0] * one, one, waited) * np.ones(len(held[0]))
+            waited = law.advance({"theta": theta[-1] * one}, 0 * one, one, after_hold[0])
+            after = law.strength(self.speeds[0] * one, one, waited) * np.ones(len(after_hold[0]))
             fields |= {
                 f"{name}_law": variable("sample", predicted, "1", f"friction of the {name} law"),
                 f"{name}_theta": variable("sample", theta, "s", f"theta of the {name} law"),
@@ -154,12 +154,12 @@ class AsperityPopulation(LumpedModel):
                 f"{name}_b": variable((), float(law.b), "1", f"b of the {name} law"),
                 f"{name}_D_c": variable((), float(law.D_c), "m", f"D_c of the {name} law"),
             }
-        late = held[0] > held[0][-1] / 1e3
-        slope = np.polyfit(np.log(held[0][late]), held[1][late], 1)[0]
+        late = after_hold[0] > after_hold[0][-1] / 1e3
+        slope = np.polyfit(np.log(after_hold[0][late]), after_hold[1][late], 1)[0]
         fields["healing"] = variable((), slope, "1", "static friction per e-fold of hold, last three decades")
         coords = {
             "time": variable("sample", np.cumsum(duration), "s", "time"),
-            "hold": variable("hold", held[0], "s", "duration of the hold"),
+            "hold": variable("hold", after_hold[0], "s", "duration of the hold"),
             "speed": variable("speed", sorted(set(self.speeds)), "m/s", "slip rate"),
         }
         return xarray.Dataset(fields, coords, {"length_shape": self.length_shape, "seed": self.seed})
