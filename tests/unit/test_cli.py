@@ -339,7 +339,9 @@ def test_paragraphs_of_the_help_are_broken_by_the_terminal_alone() -> None:
     shown = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["export", "--help"]).output
     lines = [line.strip() for line in shown.splitlines()]
     start = next(number for number, line in enumerate(lines) if line.startswith("csv: "))
-    paragraph = lines[start : lines.index("", start)]
+    # Typer before 0.16 leaves no line between paragraphs.
+    end = next(start + k for k, line in enumerate(lines[start:]) if not line or line.startswith("Example: "))
+    paragraph = lines[start:end]
     # No line is so short that the first word of the next one would have fitted.
     assert all(len(one) + 1 + len(two.split()[0]) > 70 for one, two in pairwise(paragraph)), paragraph
 
