@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from string import ascii_uppercase
 from typing import Annotated
 
 import typer
@@ -75,10 +76,13 @@ def _show_support() -> None:
 
     for each in tables():
         rows, notes = each.numbered()
-        # Names are folded in a narrow terminal: a name cut short cannot be looked up.
         first = Column(f"feature x {each.topic}", overflow="fold", min_width=20)
-        width = max((screen.width - 21) // len(each.columns) - 1, 6)
-        columns = (Column(name, overflow="fold", max_width=width) for name in each.columns)
+        names = each.columns
+        if max(map(len, names)) > (screen.width - 21) // len(names) - 1:
+            # A name broken over lines cannot be read: letters head the columns of a narrow terminal.
+            names = tuple(ascii_uppercase[: len(names)])
+            screen.print(", ".join(f"{letter}={name}" for letter, name in zip(names, each.columns, strict=True)))
+        columns = (Column(name, overflow="fold") for name in names)
         shown = Table(first, *columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
         for name, *cells in rows:
             shown.add_row(name, *(Text(cell, style="" if cell.startswith("yes") else "red") for cell in cells))

@@ -235,6 +235,13 @@ def test_the_table_in_the_terminal() -> None:
     assert f"({note}) this stepper cannot tie nodes" in shown.output
 
 
+def test_no_name_is_broken_in_a_narrow_terminal() -> None:
+    """Names of steppers were printed in pieces of eight letters, one below the other."""
+    shown = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["describe", "support"])
+    assert max(map(len, shown.output.splitlines())) <= 80
+    assert [name for names in columns().values() for name in names if name not in shown.output] == []
+
+
 # -- remedies -------------------------------------------------------------------------------------------------------
 
 
