@@ -82,7 +82,7 @@ class Progress:
         if self._bar:
             self._bar.update(self._task, completed=done, description=text)
         elif self._show and tenth > self._tenth:
-            self._console.print(f"{10 * tenth:3d} %  {text}{self._left(done)}")
+            self._console.print(f"{10 * tenth:3d} %  {text}{self._left(done)}", soft_wrap=True, markup=False)
         self._tenth = tenth
 
     def _left(self, done: float) -> str:

@@ -49,3 +49,11 @@ def test_the_time_left_is_that_of_the_remaining_part(capsys, monkeypatch):
         now[0] += 80
         progress.update(1.0, "text")
     assert capsys.readouterr().err.splitlines() == [" 60 %  text  left 1:20", "100 %  text"]
+
+
+def test_a_long_text_of_a_log_stays_on_one_line_with_its_brackets(capsys):
+    with Progress() as progress:
+        progress.update(0.5, "sets of [friction] over [bold]compression[/] and impact speed: 180 points, 90 done")
+    assert capsys.readouterr().err.splitlines() == [
+        " 50 %  sets of [friction] over [bold]compression[/] and impact speed: 180 points, 90 done"
+    ]
