@@ -171,7 +171,7 @@ def smooth_waves() -> Figure:
 
 def smooth_sliding() -> Figure:
     """Waves of a macro-slip, from the case in the page on rough interfaces."""
-    page = (PICTURES.parent / "gallery" / "rough_interfaces.md").read_text(encoding="utf-8")
+    page = (PICTURES.parent / "verification" / "rough_interfaces.md").read_text(encoding="utf-8")
     _, _, after = page.partition(":caption: smooth_sliding.toml\n")
     with tempfile.TemporaryDirectory() as folder:
         record = simulate(parse_case(tomllib.loads(after.partition("```")[0])), out=Path(folder, "run"))

@@ -103,7 +103,7 @@ class Schedule:
     @property
     def text(self) -> str:
         """Memory, checkpoints and recomputation, for messages."""
-        size = f"{self.memory / 1e9:.3g} GB of memory"
+        size = f"{self.memory / 1e6:.3g} MB of memory"
         if self.segments == 1:
             return f"{size} for the history of {self.steps} steps, no checkpoints"
         checkpoints = f"{self.stored} checkpoint{'s' * (self.stored != 1)}"

@@ -112,7 +112,7 @@ def _report(package: str, kind: str, changes: list[str]) -> Report:
     except ValidationError as error:
         raise CaseError.from_validation(error, kind) from None
     said = contract.missing(cls)
-    rows = [Row("what it says of itself", "missing" if said else "passed", ", ".join(said))]
+    rows = [Row("required attributes", "missing" if said else "passed", ", ".join(said))]
     for name, check in contract.checks.items():
         rows.append(Row(name, "passed"))
         for seed, law in zip(SEEDS, laws, strict=True):

@@ -112,7 +112,7 @@ def common_state(law: FrictionLaw, seed: int) -> str | None:
         require((state["clock"] == 0) & (later["clock"] == 0.25), "clock is not the time since the start")
     if "coefficient_at_start" in state:
         require(later["coefficient_at_start"] == state["coefficient_at_start"], "coefficient_at_start changes")
-    return None if COMMON & state.keys() else "it has none"
+    return None if COMMON & state.keys() else "no state that other laws share"
 
 
 def strength(law: FrictionLaw, seed: int) -> None:
@@ -246,8 +246,8 @@ CHECKS: dict[str, Check] = {
     "shared state": common_state,
     "strength >= 0": strength,
     "traced derivatives": traced,
-    "state at the traction": state_at_the_traction,
-    "one step is many": one_step_is_many,
+    "step at constant slip rate": state_at_the_traction,
+    "steps of any length": one_step_is_many,
     "steady strength": steady,
     "dissipation": dissipation,
 }

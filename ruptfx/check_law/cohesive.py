@@ -82,7 +82,7 @@ def traced(law: CohesiveLaw, seed: int) -> None:
 
 
 CHECKS: dict[str, Callable[[CohesiveLaw, int], None]] = {
-    "case file": toml, "left strength": left, "fracture energy": fracture_energy, "damage": damage,
+    "case file": toml, "remaining strength": left, "fracture energy": fracture_energy, "damage": damage,
     "traced derivatives": traced,
 }  # fmt: skip
 

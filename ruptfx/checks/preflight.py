@@ -167,7 +167,7 @@ def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
         often = 0.5 / instrument.interval
         highest = min(often, instrument.bandwidth or often)
         verdict: Literal["ok", "warning"] = "ok"
-        notes = [f"{len(channels)} numbers every {instrument.interval:.3g} s, half of whose rate is {often:.3g} Hz"]
+        notes = [f"{len(channels)} numbers every {instrument.interval:.3g} s: Nyquist frequency {often:.3g} Hz"]
         if instrument.bandwidth is not None and instrument.bandwidth > often:
             notes.append(f"the bandwidth of {instrument.bandwidth:.3g} Hz passes more: reduce the interval")
             verdict = "warning"
@@ -177,5 +177,5 @@ def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
             carried = speed / (NODES_PER_WAVELENGTH * spacing)
             notes.append(f"the mesh carries S waves to {carried:.3g} Hz, {NODES_PER_WAVELENGTH} nodes per wavelength")
             if 0 < instrument.extent < spacing:
-                notes.append(f"shorter than the {spacing:.3g} m between nodes: as good as a point")
-        yield Row(f"instruments.{instrument.name}: sees", highest, "Hz", "; ".join(notes), verdict)
+                notes.append(f"shorter than the {spacing:.3g} m between nodes: it measures as at a point")
+        yield Row(f"instruments.{instrument.name}: highest frequency", highest, "Hz", "; ".join(notes), verdict)

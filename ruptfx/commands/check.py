@@ -65,9 +65,14 @@ def merged(rows: list[Row]) -> list[Row]:
         owner, colon, what = row.quantity.partition(": ")
         found.setdefault(replace(row, quantity=what if colon else row.quantity), []).append(owner if colon else "")
     return [
-        replace(row, quantity=f"{', '.join(dict.fromkeys(owners))}: {row.quantity}" if owners[0] else row.quantity)
+        replace(row, quantity=f"{listed(list(dict.fromkeys(owners)))}: {row.quantity}" if owners[0] else row.quantity)
         for row, owners in found.items()
     ]
+
+
+def listed(names: list[str]) -> str:
+    """Return up to three names in full, and of more the first and the last with their number."""
+    return ", ".join(names) if len(names) < 4 else f"{names[0]} to {names[-1]} ({len(names)})"
 
 
 def engineering(row: Row) -> tuple[str, str]:

@@ -27,6 +27,7 @@ def check_law(
     with reported():
         from ruptfx.check_law import check_law as check
         from ruptfx.check_law import save_figure
+        from ruptfx.reference.describe import in_toml
 
         sound = True
         for report in check(law, set_ or []):
@@ -36,8 +37,9 @@ def check_law(
                 colour = {"failed": "red", "missing": "yellow"}.get(row.verdict, "")
                 table.add_row(row.check, row.verdict, Text(row.note), style=colour)
             screen.print(table)
-            numbers = report.law.model_dump(mode="json", exclude_none=True)
-            screen.print(f"Drawn with {numbers}", markup=False, highlight=False, soft_wrap=True)
+            numbers = report.law.model_dump(mode="json", exclude_none=True, exclude={"kind"})
+            said = ", ".join(f"{key} = {in_toml(value)}" for key, value in numbers.items())
+            screen.print(f"Drawn with {said}", markup=False, highlight=False, soft_wrap=True)
             out.mkdir(parents=True, exist_ok=True)
             save_figure(report.law, out / f"{kind}.png")
             screen.print(f"Picture: {out / f'{kind}.png'}", soft_wrap=True)

@@ -87,14 +87,12 @@ def _of_run(
     with Record(run) as record:
         least = SMALLEST if smallest is None else smallest
         found = emission_of(record, least, completeness, distances, failure_time, link)
-        when = "of the whole run" if found.failure_time is None else f"until {found.failure_time:.4g} s"
-        screen.print(
-            f"{len(found.events)} failed facets, {found.before.sum()} {when}, {len(found.seismic)} of these radiate a "
-            f"magnitude of {least:g} at least; {len(found.linked)} clusters of the whole run"
-        )
+        early = "" if found.failure_time is None else f", {found.before.sum()} of them until {found.failure_time:.4g} s"
+        screen.print(f"Failed facets: {len(found.events)}{early}; clusters: {len(found.linked)}", soft_wrap=True)
         shares = ", ".join(f"{name} {share:.1%}" for name, share in found.shares.items())
-        if len(found.seismic):
-            screen.print(f"Modes of these: {shares}")
+        modes = f": {shares}" if len(found.seismic) else ""
+        within = "" if found.failure_time is None else " until then"
+        screen.print(f"Events of magnitude {least:g} or more{within}: {len(found.seismic)}{modes}", soft_wrap=True)
         if found.failure_time is not None and len(found.seismic):
             windows = ", ".join(f"{share:.1%} until {part:.0%}" for part, share in found.tensile_shares.items())
             screen.print(f"Tensile share by window: {windows} of the time of failure")

@@ -52,7 +52,7 @@ def gradient(
             if quiet:
                 return
             unit = found["objective"].attrs["units"]
-            screen.print(f"objective: {float(found['objective']):.6g} {unit}", style="bold")
+            screen.print(f"objective: {float(found['objective']):.6g} {unit if unit != '1' else ''}", style="bold")
             table = Table("unknown", "by a uniform change", "unit", box=None, pad_edge=False)
             for values in found.data_vars.values():
                 if "unknown" in values.attrs:

@@ -42,7 +42,7 @@ def infer(
 
         made = recover(parsed, out, comm, not quiet, 1e9 * memory)
         if comm.rank == 0 and not quiet:
-            noise = f", {2 * made.best.misfit / made.data:.3g} of that of noise" if made.data else ""
+            noise = f" ({2 * made.best.misfit / made.data:.3g} times that of noise)" if made.data else ""
             screen.print(
                 f"misfit {made.runs[0].misfit:.6g} -> {made.best.misfit:.6g}{noise}; {len(made.iterates) - 1} "
                 f"iterations, {len(made.runs)} runs, {made.reason}", style="bold", soft_wrap=True
@@ -57,7 +57,7 @@ def infer(
                 if each.shape != "number":
                     best = f"{each.best.min():.6g} to {each.best.max():.6g}"
                     if each.interval is not None:
-                        interval = f"+- {0.5 * float(np.ptp(each.interval, axis=0).mean()):.3g} on average"
+                        interval = f"± {0.5 * float(np.ptp(each.interval, axis=0).mean()):.3g} on average"
                 table.add_row(each.key, f"{first:.6g}", best, interval, each.unit, "at bound" if each.at_bound else "")
             screen.print(table)
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"

@@ -167,7 +167,7 @@ def _bond_rows(
             continue
         zone = 9 * np.pi / 16 * modulus * energy / strength**2
         yield Row(f"{label}: cohesion, process zone {mode}", zone, "m", "at rest; it shrinks as cracks get faster")
-        yield _points_row(f"{label}: points in it", zone, spacing, 5)
+        yield _points_row(f"{label}: points in process zone", zone, spacing, 5)
         spring = fault.contact.stiffness()[0 if mode == "I" else 1]
         if spring:  # softer springs have no equilibrium beyond the strength: they release their energy at once
             ratio = spring * energy / (law.area * strength**2)
@@ -360,7 +360,7 @@ def _breakdown_rows(
         yield Row(f"{label}: nucleation half-length", nucleation, "m", f"{why}; {where}")
     zone = law.process_zone(modulus)
     yield Row(f"{label}: static process zone", zone, "m", f"shrinks as 1/A_II with rupture speed; {where}")
-    yield _points_row(f"{label}: points in it", zone, spacing, 5)
+    yield _points_row(f"{label}: points in process zone", zone, spacing, 5)
     yield from (row_of(doubt) for doubt in slow_records(model, label, zone))
     stiffness = fault.contact.stiffness()[1]
     if stiffness and not note and law.drop > stiffness * law.slip:

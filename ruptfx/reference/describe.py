@@ -320,17 +320,17 @@ def _default(field: FieldInfo) -> str:
         return ""
     if isinstance(default, dict) and default.keys() == {"kind"}:
         return str(default["kind"])
-    return _as_toml(default)
+    return in_toml(default)
 
 
-def _as_toml(value: object) -> str:
-    """Return a default in the words of a case file."""
+def in_toml(value: object) -> str:
+    """Return a value in the words of a case file; text without its quotes."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_as_toml(inner)}" for key, inner in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {in_toml(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_as_toml, value)) + "]"
+        return "[" + ", ".join(map(in_toml, value)) + "]"
     return str(value)

@@ -65,7 +65,7 @@ def _locked(out: Path) -> IO[str]:
     RuptfxError
     """
     if out.exists() and not out.is_dir():
-        raise RuptfxError(f"{out}: exists already; choose another --out, or remove it")
+        raise RuptfxError(f"{out}: exists already; choose another directory, or remove it")
     path = out / LOCK
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -158,8 +158,8 @@ def prepare(out: Path, again: RunCase | None = None, overwrite: bool = False) ->
             return renew(place)
         if again.hash_in(out) == again.hash:
             return out
-    remedy = "replace the run with --overwrite, " if _holds_a_run(out) else ""
-    raise RuptfxError(f"{out}: exists already; {remedy}choose another --out, or remove it")
+    remedy = "replace the run with --overwrite (in Python overwrite=True), " if _holds_a_run(out) else ""
+    raise RuptfxError(f"{out}: exists already; {remedy}choose another directory, or remove it")
 
 
 def check_replaceable(out: Path) -> None:
@@ -171,11 +171,11 @@ def check_replaceable(out: Path) -> None:
         If it contains no run, or one without a list of its files.
     """
     if not _holds_a_run(out):
-        raise RuptfxError(f"{out}: exists already and is no run; choose another --out, or remove it")
+        raise RuptfxError(f"{out}: exists already and is no run; choose another directory, or remove it")
     if run_files.listed(out) is None:
         raise RuptfxError(
             f"{out}: holds a run without {run_files.NAME}, so its files cannot be told from yours; choose another "
-            "--out, or remove it"
+            "directory, or remove it"
         )
 
 

@@ -29,19 +29,19 @@ def test_a_sound_law(tmp_path: Path) -> None:
         "shared state", "steady strength",
     }  # fmt: skip
     assert {verdict for verdict, _ in found.values()} == {"passed", "does not apply"}
-    assert found.keys() == {"what it says of itself", *CHECKS}
+    assert found.keys() == {"required attributes", *CHECKS}
 
 
 BROKEN = {
     "strength >= 0": ("return self.mu_s *", "return (self.mu_s - 0.5 * slip_rate) *", "strength is negative at"),
     "traced derivatives": ("return self.mu_s *", "return (1 + isinstance(slip_rate, np.ndarray)) *", "traced strength"),
-    "one step is many": ("slip_rate * dt}", "slip_rate * dt * (1 + dt)}", "advance is not exact: own_slip"),
+    "steps of any length": ("slip_rate * dt}", "slip_rate * dt * (1 + dt)}", "advance is not exact: own_slip"),
     "declared state": ('return {"own_slip": state["own_slip"] +', 'state["own_slip"] += 1; return {"own_slip": 0 +',
                        "advance changes the array own_slip"),
     "dissipation": ("return self.mu_s *", "return -5 * self.mu_s *", "its strength is negative (-"),
     "case file": ("    def initial", "    kept: float = 1.0\n\n    def model_post_init(self, _):\n"
                   "        object.__setattr__(self, 'kept', self.kept + 1)\n\n    def initial", "reads differently"),
-    "what it says of itself": ('"m"}', '""}', "the unit of state variable own_slip"),
+    "required attributes": ('"m"}', '""}', "the unit of state variable own_slip"),
     "steady strength": ("    def advance", "    def steady_strength(self, slip_rate, normal_stress):\n"
                         "        return self.mu_s * normal_stress\n\n    def advance", "strength after long sliding"),
 }  # fmt: skip
@@ -69,7 +69,7 @@ def test_command(tmp_path: Path) -> None:
         path.write_text(text)
         arguments = ["check-law", str(path), "--set", "mu_s=0.6", "--out", str(tmp_path / "pictures")]
         result = CliRunner(env={"COLUMNS": "200"}).invoke(app, arguments)
-        assert result.exit_code == code and said in result.output and "'mu_s': 0.6" in result.output
+        assert result.exit_code == code and said in result.output and "mu_s = 0.6" in result.output
         assert (tmp_path / "pictures" / "my_law.png").stat().st_size > 10_000
     for law, message in (("columb", "did you mean 'coulomb'?"), ("none.py", "cannot be read")):
         with pytest.raises(RuptfxError) as caught:
@@ -98,13 +98,13 @@ class Parabola(CohesiveLaw):
 
 @pytest.mark.parametrize("old, new, check, message", [
     ("", "", None, ""),
-    ("area = 1 / 3", "area = 0.5", "left strength", "area is not the integral of left"),
-    ("(1.0 - damage) ** 2", "(1.0 - damage) ** 2 + 0.1", "left strength", "left is not 1 at damage 0"),
+    ("area = 1 / 3", "area = 0.5", "remaining strength", "area is not the integral of left"),
+    ("(1.0 - damage) ** 2", "(1.0 - damage) ** 2 + 0.1", "remaining strength", "left is not 1 at damage 0"),
     ("(1.0 - damage) ** 2", "1.0 - damage * (1 + 0.5 * isinstance(damage, np.ndarray))", "traced derivatives",
      "traced left differs"),
     ("    area", "    def damage(self, opening, slip):\n        return opening / self.opening_at_failure\n\n    area",
      "fracture energy", "damage at the slip of failure"),
-    ('"none"', '""', "what it says of itself", "source"),
+    ('"none"', '""', "required attributes", "source"),
     ("    area", "    def damage(self, opening, slip):\n"
      "        ratio = opening / self.opening_at_failure + slip / self.slip_at_failure\n"
      "        return np.minimum(ratio, 2 - ratio)\n\n    area", "damage", "damage is not between 0 and 1"),
@@ -115,7 +115,7 @@ def test_a_cohesive_law(old: str, new: str, check: str | None, message: str, tmp
     path.write_text(COHESIVE.replace(old, new))
     (report,) = check_law(str(path))
     found = {row.check: (row.verdict, row.note) for row in report.rows}
-    assert found.keys() == {"what it says of itself", *cohesive.CHECKS}
+    assert found.keys() == {"required attributes", *cohesive.CHECKS}
     if check is None:
         assert report.sound and report.name == "cohesive law", report.rows
     else:
@@ -126,5 +126,5 @@ def test_command_for_a_cohesive_law(tmp_path: Path) -> None:
     (tmp_path / "parabola.py").write_text(COHESIVE)
     arguments = ["check-law", str(tmp_path / "parabola.py"), "--set", "G_Ic=5", "--out", str(tmp_path)]
     result = CliRunner(env={"COLUMNS": "200"}).invoke(app, arguments)
-    assert result.exit_code == 0 and "'G_Ic': 5.0" in result.output
+    assert result.exit_code == 0 and "G_Ic = 5" in result.output
     assert (tmp_path / "parabola.png").stat().st_size > 10_000

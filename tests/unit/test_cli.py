@@ -141,7 +141,7 @@ def test_output_directory_that_exists(tmp_path: Path, needs_fem: None) -> None:
     out.mkdir()
     (out / "precious.txt").write_text("do not touch")
     result = ruptfx("run", write(tmp_path), "--out", out)
-    assert result.exit_code == 1 and f"{out}: exists already; choose another --out" in said(result)
+    assert result.exit_code == 1 and f"{out}: exists already; choose another directory" in said(result)
     assert [path.name for path in out.iterdir()] == ["precious.txt"]
 
 
@@ -371,7 +371,7 @@ def test_check_counts_points_in_the_process_zone(needs_fem: None) -> None:
     # G = 5.3 / 2.7 = 1.963 GPa; plane stress: G* = 1.35 G = 2.65 GPa; D_c = 5 um, drop (0.6 - 0.3) x 6 = 1.8 MPa:
     # 9 pi / 32 x 2.65e9 x 5e-6 / 1.8e6 = 6.504 mm. Widest spacing of order 4: sqrt(3/7) / 2 x 2 mm = 0.6547 mm.
     assert rows["faults.main: static process zone"] == pytest.approx(6.504e-3, rel=1e-3)
-    assert rows["faults.main: points in it"] == pytest.approx(6.504 / 0.6547, rel=1e-3)
+    assert rows["faults.main: points in process zone"] == pytest.approx(6.504 / 0.6547, rel=1e-3)
 
 
 def test_version_and_help() -> None:

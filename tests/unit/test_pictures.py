@@ -23,7 +23,7 @@ NUMBERS = json.loads((PICTURES / "numbers.json").read_text(encoding="utf-8"))
 
 def test_the_caption_of_granite_has_the_numbers_of_its_run() -> None:
     """To as many digits as the caption gives."""
-    page = (ROOT / "docs" / "gallery" / "granite.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "verification" / "granite.md").read_text(encoding="utf-8")
     caption = page.partition("../pictures/granite.png)")[2].partition("\n\n")[2].partition("\n\n")[0].replace("\n", " ")
     run = NUMBERS["granite"]
     for pattern, expected in {

@@ -543,9 +543,9 @@ def test_what_instruments_see() -> None:
     gauge = {"kind": "strain_gauge", "name": "gauge", "interval": 2e-6, "point": [5e-3, 2e-3], "length": 1e-4}
     fast = {"kind": "load_cell", "name": "cell", "interval": 2e-6, "edge": "upper.top", "bandwidth": 1e6}
     found = rows(plates({"instruments": [gauge, fast]}))
-    seen = found["instruments.gauge: sees"]
+    seen = found["instruments.gauge: highest frequency"]
     speed = math.sqrt(5.3e9 / 2 / 1.35 / 1246)
     assert seen.value == pytest.approx(250e3) and seen.verdict == "ok"
-    assert f"carries S waves to {speed / 2.5e-3:.3g} Hz" in seen.note and "as good as a point" in seen.note
-    alias = found["instruments.cell: sees"]
+    assert f"carries S waves to {speed / 2.5e-3:.3g} Hz" in seen.note and "measures as at a point" in seen.note
+    alias = found["instruments.cell: highest frequency"]
     assert alias.verdict == "warning" and "passes more: reduce the interval" in alias.note
