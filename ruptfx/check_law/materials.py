@@ -210,5 +210,6 @@ def _components(matrix: np.ndarray) -> np.ndarray:
 
 CHECKS: dict[str, Callable[[Material, int], str | None]] = {
     "case file": toml, "elastic under sudden strain": starts_elastic, "present stress": repeats,
-    "traced formula": tracing, "stable time step": stable, "dissipation": dissipates, "no preferred direction": indifferent,
+    "traced formula": tracing, "stable time step": stable, "dissipation": dissipates,
+    "no preferred direction": indifferent,
 }  # fmt: skip

@@ -88,10 +88,10 @@ class Map:
     @property
     def facets(self) -> list[tuple[str, list[Row]]]:
         """Rows grouped by the values of the remaining axes; a hypercube is one group."""
-        rest = [a.column for a in self.study.axes if a not in self.axes and a not in self.study.sampled]
+        rest = [a for a in self.study.axes if a not in self.axes and a not in self.study.sampled]
         groups: dict[str, list[Row]] = {}
         for row in self.rows:
-            label = ", ".join(_text(row[c]) if isinstance(row[c], str) else f"{c} = {_text(row[c])}" for c in rest)
+            label = ", ".join(_value(axis, row[axis.column]) for axis in rest)
             groups.setdefault(label, []).append(row)
         return list(groups.items())
 
@@ -214,7 +214,7 @@ def draw(shown: Map) -> Figure:
             _draw_modes(ax, shown, rows)
         else:
             _draw_quantity(ax, shown, rows, quantity)
-        _draw_marks(ax, shown)
+        _draw_marks(ax, shown, named=quantity is kinds[0])
         ax.set_title(label, parse_math=False)
     letter([ax for ax, *_ in cells])
     if shown.has_modes:
@@ -271,6 +271,13 @@ def _unit(axis: Axis) -> tuple[float, str]:
         return scale(np.array(values), axis.unit)
     except KeyError:
         return 1.0, axis.unit
+
+
+def _value(axis: Axis, value: object) -> str:
+    """Return name, value and unit of an axis as text; names of values stand alone."""
+    if isinstance(value, str):
+        return value
+    return f"{axis.column} = {_text(value)}" + f" {axis.unit}" * (axis.unit not in ("", "1"))
 
 
 def _coordinates(shown: Map, rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarray]:
@@ -353,21 +360,37 @@ def _draw_quantity(ax: Axes, shown: Map, rows: Sequence[Row], quantity: Quantity
         bar.ax.yaxis.set_major_formatter("{x:g}")
 
 
-def _draw_marks(ax: Axes, shown: Map) -> None:
+def _draw_marks(ax: Axes, shown: Map, named: bool = True) -> None:
+    """Draw circles around marked points, and their names on the line between two rows of cells, which have symbols."""
     if len(shown.axes) < 2:
         return
     for mark in shown.study.marks:
-        x, y = (value / _unit(axis)[0] for value, axis in zip(mark.point, shown.axes, strict=True))
-        ax.plot(x, y, "o", ms=8, mfc="none", mec="black", mew=1.0, zorder=5)
-        # At the common corner of four cells, so that the mark hides no symbol; at the sides inside of the map.
+        point = [value / _unit(axis)[0] for value, axis in zip(mark.point, shown.axes, strict=True)]
+        ax.plot(*point, "o", ms=8, mfc="none", mec="black", mew=1.0, zorder=5)
+        if not named:
+            continue
         ax.autoscale_view()  # transforms need axis limits
-        across = (ax.transData - ax.transAxes).transform((x, y))[0]
-        place, way = ("left", 6) if across < 0.25 else ("right", -6) if across > 0.75 else ("center", 9)
+        across = (ax.transData - ax.transAxes).transform(point)[0]
+        # Inside of the map at its sides, else at the common corner of four cells.
+        place, way = ("left", 6) if across < 0.25 else ("right", -6) if across > 0.75 else ("center", 0)
+        up = 9 if shown.study.sampled else 0
+        x, y = (_edge_beside(shown, axis, value) for axis, value in zip(shown.axes, point, strict=True))
         halo = [withStroke(linewidth=1.5, foreground="white")]
         ax.annotate(
-            mark.label, (x, y), (way, 5.5), textcoords="offset points", ha=place, va="center", fontsize=6,
-            fontweight="bold", zorder=6, path_effects=halo, parse_math=False, gid="mark",
+            mark.label, (x if place == "center" else point[0], y), (way, up), textcoords="offset points", ha=place,
+            va="center", fontsize=6, fontweight="bold", zorder=6, path_effects=halo, parse_math=False, gid="mark",
         )
+
+
+def _edge_beside(shown: Map, axis: Axis, value: float) -> float:
+    """Return the edge of cells above a value of an axis; in the last cell the one below, without cells the value."""
+    grid = [] if shown.study.sampled else [row[axis.column] for row in shown.rows if row["origin"] == "sample"]
+    if not grid:
+        return value
+    values = np.unique(grid) / _unit(axis)[0]
+    inner = _edges(values, axis.spacing == "log")[1:-1]
+    above = inner[inner > value]
+    return float(above[0] if len(above) else inner[-1] if len(inner) else value)
 
 
 def page(shown: Map) -> str:
