@@ -113,6 +113,11 @@ class Interface:
         return self.position if self.across is None else np.stack([self.position, self.across], axis=1)
 
     @property
+    def area(self) -> np.ndarray:
+        """Tributary length of the points [m], area in 3D [m2], shape (n,); also where the weight is half of it."""
+        return self.weight * (2.0 if self.other_side in ("antisymmetric", "symmetric") else 1.0)
+
+    @property
     def one_sided(self) -> bool:
         """True if the minus side is not meshed."""
         return self.other_side != "meshed"

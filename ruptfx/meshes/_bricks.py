@@ -30,6 +30,8 @@ class Bricks:
         Indices in `x` and `z` of the first and the last column and row of vertices of the fault.
     slope : float
         Horizontal distance over depth of a dipping fault: y is shifted by - slope z.
+    half : bool
+        The plane of the fault is the first one along y, and the body on the other side is its mirror image.
     """
 
     x: np.ndarray
@@ -39,13 +41,26 @@ class Bricks:
     along: tuple[int, int]
     down: tuple[int, int]
     slope: float = 0.0
+    half: bool = False
     cell: ClassVar[str] = "hexahedron"
-    bodies: ClassVar[list[str]] = ["plus", "minus"]
-    interfaces: ClassVar[tuple[str, ...]] = ("main",)
-    one_sided: ClassVar[dict[str, str]] = {}
 
     def __post_init__(self) -> None:
         affordable(self.columns * self._rows[0] * self._rows[1])
+
+    @property
+    def bodies(self) -> list[str]:
+        """Names of the bodies that are meshed."""
+        return ["plus"] if self.half else ["plus", "minus"]
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """Interfaces with both sides meshed."""
+        return () if self.half else ("main",)
+
+    @property
+    def one_sided(self) -> dict[str, str]:
+        """Interfaces without a minus side, and how the mirror image moves."""
+        return {"main": "antisymmetric"} if self.half else {}
 
     @property
     def columns(self) -> int:
@@ -72,14 +87,14 @@ class Bricks:
     @property
     def vertices(self) -> int:
         (a, b), (c, d) = self._cut
-        return self._whole + (b - a + 1) * (d - c + 1)
+        return self._whole + (0 if self.half else (b - a + 1) * (d - c + 1))
 
     @property
     def sides(self) -> dict[str, tuple[int, str]]:
-        """Body and side of every edge and of both sides of the interface."""
-        names = {f"{body}.{side}": (number, side) for number, body in enumerate(self.bodies)
-                 for side in ("left", "right", "bottom", "top", "far")}  # fmt: skip
-        return names | {"main.plus": (0, "fault"), "main.minus": (1, "fault")}
+        """Body and side of every edge and of the meshed sides of the interface."""
+        ends = ("left", "right", "bottom", "top", "far", *("plane",) * self.half)
+        names = {f"{body}.{side}": (number, side) for number, body in enumerate(self.bodies) for side in ends}
+        return names | {f"main.{body}": (number, "fault") for number, body in enumerate(self.bodies)}
 
     def _places(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return column, layer along y and row along z of vertices."""
@@ -99,7 +114,7 @@ class Bricks:
     def body_of_cells(self, cells: np.ndarray) -> np.ndarray:
         """Return the body index of cells or facets, given by their vertices: 0 on the plus side."""
         layer = self._places(cells.ravel())[1].reshape(cells.shape)
-        return np.where(layer.max(axis=1) > self.plane, 0, 1)
+        return np.where(self.half | (layer.max(axis=1) > self.plane), 0, 1)
 
     def nodes(self, order: int) -> int:
         """Return the number of nodes of elements of an order, without those of the fault's second side."""
@@ -115,10 +130,13 @@ class Bricks:
         body = self.body_of_cells(facets)
         on = {
             "left": i == 0, "right": i == self.columns, "bottom": k == 0, "top": k == self._rows[1],
-            "far": (j == 0) | (j == self._rows[0]),
+            "far": (j == 0) & (not self.half) | (j == self._rows[0]), "plane": j == self.plane,
         }  # fmt: skip
         # A facet of the minus side has a copy among its vertices; those of the plus side have none.
         fault = (j == self.plane).all(axis=1)
+        if self.half:  # the plane beyond the fault is a boundary, too
+            for index, (first, last) in ((i, self.along), (k, self.down)):
+                fault &= (index.min(axis=1) >= first) & (index.max(axis=1) <= last)
         copied = (facets >= self._whole).any(axis=1)
         found = np.full(len(facets), -1)
         for place, (number, side) in enumerate(self.sides.values()):
@@ -152,6 +170,7 @@ class Bricks:
         for corner in range(8):
             x, y, z = i + corner % 2, j + corner // 2 % 2, k + corner // 4
             vertex = (x * len(self.y) + y) * len(self.z) + z
+            # Without cells below the plane, in a half, nothing is copied.
             copied = (j < self.plane) & (y == self.plane) & (x >= a) & (x <= b) & (z >= c) & (z <= d)
             found[:, corner] = np.where(copied, self._whole + (x - a) * (d - c + 1) + z - c, vertex)
         return found
@@ -165,13 +184,16 @@ class Bricks:
         i, _, k = (part.reshape(facets.shape) for part in self._places(facets.ravel()))
         inside = (i.min(axis=1) >= self.along[0]) & (i.max(axis=1) <= self.along[1])
         inside &= (k.min(axis=1) >= self.down[0]) & (k.max(axis=1) <= self.down[1])
-        names = list(self.sides)
-        named = {name: facets[side == number] for number, name in enumerate(names[:-2])}
-        plus, minus = (facets[(side == number) & inside] for number in (len(names) - 2, len(names) - 1))
+        number = {name: place for place, name in enumerate(self.sides)}
+        plus, minus = (
+            self._in_order(facets[(side == number[f"main.{body}"]) & inside])
+            for body in (self.bodies[0], self.bodies[-1])
+        )
         return RawMesh(
             cell=self.cell, points=self.points(np.arange(self.vertices)), cells=cells, bodies=self.bodies,
-            cell_body=self.body_of_cells(cells), edges=named,
-            interfaces={"main": (self._in_order(plus), self._in_order(minus))},
+            cell_body=self.body_of_cells(cells),
+            edges={name: facets[side == place] for name, place in number.items() if not name.startswith("main.")},
+            interfaces={"main": (plus, minus)}, one_sided=self.one_sided,
         )  # fmt: skip
 
     def _in_order(self, facets: np.ndarray) -> np.ndarray:

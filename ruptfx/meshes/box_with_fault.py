@@ -21,6 +21,10 @@ class BoxWithFault(MeshSource):
     Beyond the rim of the fault the bodies are welded. Positions on the interface `main` are x and the distance down
     dip from its upper edge; slip is that of `plus` relative to `minus`. The edges are `plus.left`, `.right` (ends of
     x), `.bottom`, `.top` (the surface of the Earth), `.far` (away from the fault), and those of `minus`.
+
+    With `half` the body `minus` is the mirror image of `plus` and is not meshed. Then the plane of the fault beyond its
+    rim is an edge, `plus.plane`, which continuous bodies need at rest along x and z: two boundaries of kind `driven`
+    with the velocity zero.
     """
 
     example: ClassVar[str] = (
@@ -48,6 +52,9 @@ class BoxWithFault(MeshSource):
     """Ratio of the sizes of neighbouring elements outside of the fine box around the fault."""
     fine: Annotated[float, Field(ge=0), Unit("m")] = 0.0
     """Distance from the fault over which elements keep their size."""
+    half: bool = False
+    """Only the half `plus` of a vertical fault: the motion of the other half is its opposite along x and z and the
+    same along y, and the normal stress stays."""
 
     @model_validator(mode="after")
     def _two_elements(self) -> BoxWithFault:
@@ -58,6 +65,15 @@ class BoxWithFault(MeshSource):
                     f"{name} = {value:g} m: a fault has at least two elements along each direction; make element_size "
                     f"at most {value / 2:g} m"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _vertical_half(self) -> BoxWithFault:
+        if self.half and self.dip != 90:
+            raise ValueError(
+                f"half = true: the sides of a fault that dips at {self.dip:g} degrees are no mirror images; leave out "
+                "half, or make dip 90"
+            )
         return self
 
     def lattice(self) -> Bricks:
@@ -76,9 +92,10 @@ class BoxWithFault(MeshSource):
         side = self._outside(self.distance, self.element_size)
         last = len(z) - len(above)
         return Bricks(
-            x=x, y=np.concatenate([-side[:0:-1], side]), z=z + 0.0, plane=len(side) - 1,
+            x=x, y=side if self.half else np.concatenate([-side[:0:-1], side]), z=z + 0.0,
+            plane=0 if self.half else len(side) - 1,
             along=(len(outside) - 1, len(outside) + len(fault) - 2), down=(last - len(depth) + 1, last),
-            slope=0.0 if self.dip == 90 else float(1 / np.tan(angle)),
+            slope=0.0 if self.dip == 90 else float(1 / np.tan(angle)), half=self.half,
         )  # fmt: skip
 
     def _outside(self, length: float, size: float) -> np.ndarray:

@@ -24,6 +24,7 @@ from ruptfx.faults.interface import Interface, build_interface
 from ruptfx.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.meshes._gmsh import session
 from ruptfx.meshes.block_on_rigid import BlockOnRigid
+from ruptfx.meshes.box_with_fault import BoxWithFault
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.half_plate import HalfPlate
 from ruptfx.meshes.two_plates import TwoPlates
@@ -66,6 +67,7 @@ MESHES: dict[str, tuple[Callable[[Path], Any], int, float | None]] = {
     "gmsh_triangles": (lambda _: example("gmsh_file"), 1, 40e-3),
     "wavy": (lambda _: wavy_plates(), 4, None),
     "boxes": (lambda _: two_boxes(), 2, 4e-3 * 3e-3),
+    "half_box": (lambda _: example("box_with_fault").model_copy(update={"half": True}), 2, 0.5 * 9e-3 * 4e-3),
     "dipping": (lambda _: example("box_with_fault").model_copy(update={"dip": 60.0, "fault_top": 1e-3}), 2, None),
 }
 KINDS_THAT_END_INSIDE = {"box_with_fault", "dipping", "branched_fault"}
@@ -494,3 +496,9 @@ def test_after_gmsh_a_pipe_that_nobody_reads_is_an_error_of_python() -> None:
         pass
     ignored = re.search(r"SigIgn:\s+(\w+)", Path("/proc/self/status").read_text(encoding="ascii"))
     assert ignored is not None and int(ignored[1], 16) >> (signal.SIGPIPE - 1) & 1
+
+
+def test_a_dipping_fault_has_no_half() -> None:
+    fields = {"fault_length": 9e-3, "fault_width": 4e-3, "element_size": 1e-3, "beyond": 2e-3, "distance": 3e-3}
+    with pytest.raises(ValueError, match=r"half = true: .*dips at 60 degrees.*leave out half, or make dip 90"):
+        BoxWithFault.model_validate({**fields, "dip": 60.0, "half": True})

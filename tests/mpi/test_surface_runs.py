@@ -51,6 +51,19 @@ def test_files_from_1_2_and_3_ranks(runs: Path) -> None:
         assert summary["moment"] == pytest.approx(moment, rel=1e-9) and summary["energy_closure"] < 1e-12
 
 
+def test_a_half_gives_the_same_files_on_1_and_2_ranks(tmp_path: Path) -> None:
+    rest = [{"kind": "driven", "edge": "plus.plane", "component": each, "velocity": 0.0} for each in "xz"]
+    case = write(tmp_path, strike_slip({**CHANGES, "mesh.half": True, "boundaries": rest}))
+    for ranks in (1, 2):
+        code, text = finish(start(case, tmp_path / str(ranks), ranks, "--quiet"))
+        assert code == 0, text
+    differences = largest_difference(tmp_path / "1", tmp_path / "2")
+    assert not {key: value for key, value in differences.items() if not value < 1e-10}
+    with Record(tmp_path / "2") as record:
+        assert float(record.interface.area.sum()) == pytest.approx(12e-3 * 8e-3)  # with the rim
+        assert record.interface.slip_1.max() > 1e-7
+
+
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_killed_run_goes_on_to_the_same_bits(ranks: int, runs: Path, tmp_path: Path) -> None:
     case = write(tmp_path, strike_slip(CHANGES))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, march, merged, plates
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, march, merged, plates, strike_slip
 
 pytest.importorskip("dolfinx")
 
@@ -47,6 +47,33 @@ def with_lower_edges(table: dict) -> dict:
     return {**table, "boundaries": [
         *table["boundaries"], *({**edge, "edge": images[edge["edge"]]} for edge in table["boundaries"])
     ]}  # fmt: skip
+
+
+@pytest.mark.parametrize("top", [0.0, 1e-3])
+def test_half_of_a_box_with_a_fault_is_half_of_the_whole(top: float) -> None:
+    """A vertical fault to the surface, and a buried one; beyond the rim, where the whole is welded, the plane rests."""
+    changes = {"mesh.fault_top": top, "stepper.time_step": 6e-8, "faults.main.friction.D_c": 5e-7}
+    table = strike_slip(changes)
+    rest = [{"kind": "driven", "edge": "plus.plane", "component": each, "velocity": 0.0} for each in "xz"]
+    edges = {
+        body: [{"kind": "absorbing", "edge": f"{body}.{side}"} for side in ("left", "right", "bottom", "far")]
+        for body in ("plus", "minus")
+    }
+    whole, there, _ = run({**table, "boundaries": edges["plus"] + edges["minus"]}, 4e-6)
+    part, here, _ = run(merged({**table, "boundaries": edges["plus"] + rest}, {"mesh.half": True}), 4e-6)
+    one, half = whole.faults[0].interface, part.faults[0].interface
+    place = {tuple(np.round(point, 9)): number for number, point in enumerate(half.locations)}
+    inside = np.array([place[tuple(np.round(point, 9))] for point in one.locations])
+    np.testing.assert_allclose(half.area[inside], one.area, rtol=1e-12)
+    assert there.faults["main"]["slip_1"].max() > 1e-6 and there.faults["main"]["slip_2"].max() > 1e-9
+    for name, value in there.faults["main"].items():
+        scale = 1e-11 * np.nanmax(np.abs(value), initial=0.0)
+        np.testing.assert_allclose(here.faults["main"][name][inside], value, rtol=0, atol=scale, err_msg=name)
+    # The half has points on the rim, too, whose nodes the edge keeps at rest.
+    rim = np.setdiff1d(np.arange(len(half.plus)), inside)
+    assert len(rim) and not here.faults["main"]["slip_1"][rim].any()
+    for name, energy in whole.energies(there).items():
+        np.testing.assert_allclose(part.energies(here)[name], energy, rtol=1e-10, atol=1e-20, err_msg=name)
 
 
 @pytest.mark.parametrize("contact", [SPLIT, COMPLIANT], ids=lambda contact: contact["kind"])

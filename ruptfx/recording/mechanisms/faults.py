@@ -122,5 +122,5 @@ def _positions(comm: fem.MPI.Comm, face: Interface) -> dict[str, np.ndarray]:
     """Return positions and coordinates of the points of an interface on rank 0 [m]; of a surface dip and area, too."""
     columns = {"position": face.position, **dict(zip("xyz", face.points.T, strict=False))}
     if face.across is not None:
-        columns |= {"dip": face.across, "area": face.weight}
+        columns |= {"dip": face.across, "area": face.area}
     return parallel.gather_fields(comm, face.number, face.owned, columns)
