@@ -112,9 +112,9 @@ class Objective:
         return self._derivatives(self._factors, unknowns, tell)
 
     def _derivatives(self, factors: list[Floats], unknowns: Sequence[Unknown], tell: Told) -> list[Derivative]:
-        every = chosen(self.sweeps.model, unknowns)
+        every = chosen(self.sweeps.model, unknowns, self.terms)
         of_bodies = self._by_constants(factors, [place for _, place in every if place.constant is not None], tell)
-        found = [each for each in every if each[1].constant is None]
+        found = [each for each in every if each[1].of_points]
         loaded = {key.key: np.zeros(0) for key, _ in found}
         points = self.sweeps.points
         for _, place in found:
@@ -133,6 +133,10 @@ class Objective:
             if place.constant is not None:
                 result.append(Derivative(unknown, place, of_bodies[place.key]))
                 continue
+            if place.term is not None:
+                by_term = np.array([float(np.concatenate(factors) @ self._by_term(*place.term))])
+                result.append(Derivative(unknown, place, by_term))
+                continue
             names = list(points[place.fault].parameters)
             here = loaded[place.key] + sum(part * gradient[place.fault][names.index(name)] for name, part in place.rows)
             result.append(Derivative(unknown, place, self._whole(place.fault, here)))
@@ -147,6 +151,15 @@ class Objective:
             place.key: np.array([sum(float(a @ b) for a, b in zip(factors, of_constant, strict=True))])
             for place, of_constant in zip(found, readings, strict=True)
         }  # fmt: skip
+
+    def _by_term(self, number: int, parameter: str) -> Floats:
+        """Return the derivative of all readings, one after the other, by a parameter of a term."""
+        ends = np.cumsum([0, *self._counts]).tolist()
+        samples, found = self.sweeps.samples, list[Floats]()
+        for n, (begin, end) in enumerate(pairwise(ends)):
+            mine = samples[begin:end]
+            found += self.terms[n].change(parameter, mine) if n == number else [np.zeros(len(s.values)) for s in mine]
+        return np.concatenate(found)
 
     def residuals(self) -> tuple[Floats, Floats] | None:
         """Return the residuals of all readings and their derivatives by the values; None if a term has none."""
@@ -163,11 +176,15 @@ class Objective:
         Parameters
         ----------
         changes : sequence of (Place, ndarray)
-            Changes at all points of the interface of the place in their order.
+            Changes at all points of the interface of the place in their order, or of a number.
         """
         of_parameters = [np.zeros_like(each) for each in self.sweeps.parameters]
         of_nucleations = []
+        of_terms = np.zeros(sum(len(sample.values) for sample in self.sweeps.samples))
         for place, values in changes:
+            if place.term is not None:
+                of_terms = of_terms + float(values[0]) * self._by_term(*place.term)
+                continue
             points = self.sweeps.points[place.fault]
             here = values[points.fault.interface.number]
             if place.nucleation is not None:
@@ -181,7 +198,9 @@ class Objective:
             mine = [each.shear_traction(places, time) * here for which, each, here in of_nucleations if which == fault]
             return np.sum(mine, axis=0) if mine else None
 
-        return np.concatenate(self.sweeps.tangent(of_parameters, loads))
+        if not any(place.of_points for place, _ in changes):
+            return of_terms
+        return of_terms + np.concatenate(self.sweeps.tangent(of_parameters, loads))
 
     def pull(
         self, factors: Floats, unknowns: Sequence[Unknown], tell: Told = lambda done, text: None
@@ -202,7 +221,7 @@ class Objective:
 
         data: dict[str, object] = {"objective": ((), self.value, {"units": self.unit, "long_name": "objective"})}
         coordinates: dict[str, object] = {}
-        for number in sorted({each.place.fault for each in derivatives if each.place.constant is None}):
+        for number in sorted({each.place.fault for each in derivatives if each.place.of_points}):
             fault = self.sweeps.points[number].fault
             face, dim = fault.interface, f"point_{fault.name}"
             coordinates[f"position_{fault.name}"] = (
@@ -220,7 +239,7 @@ class Objective:
             by = f"({each.place.unit})" if set(each.place.unit) & set("/ ") else each.place.unit
             unit = f"{self.unit}/{by}" if by != "1" else self.unit
             about = {"units": unit, "unknown": each.unknown.key, "uniform_change": float(each.values.sum())}
-            if each.unknown.shape == "number" or each.place.constant is not None:
+            if each.unknown.shape == "number" or not each.place.of_points:
                 data[each.unknown.key] = ((), float(each.values.sum()), {
                     **about, "long_name": f"derivative by {each.unknown.key}, a number",
                 })  # fmt: skip
@@ -246,7 +265,7 @@ def gradient(
         Default is `[[objective]]` of the case.
     unknowns : sequence of Unknown or str
         Default is `[[unknowns]]` of the case; without any, all of its interfaces. Constants of bodies
-        (`materials.default.young_modulus`) are given.
+        (`materials.default.young_modulus`) and the time shift of data (`objective.0.time_shift`) are given.
     comm : MPI communicator, optional
         Default is all ranks of the job.
     progress : bool
@@ -279,7 +298,7 @@ def gradient(
     with working("building the model", show):
         model = Model(case, comm)
     refuse(model)
-    chosen(model.in_steps("explicit"), given)  # refuses unknown keys before the first step
+    chosen(model.in_steps("explicit"), given, terms)  # refuses unknown keys before the first step
     with Progress(show) as bar:
         made = Objective(case, terms, comm, memory, bar.update, model)
     with Progress(show) as bar:

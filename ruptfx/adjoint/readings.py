@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ruptfx.instruments._filter import filtered
 from ruptfx.misfits import Final, Floats, Request, Sample, Trace
 from ruptfx.platform import parallel
-from ruptfx.recording.sampling import low_pass
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -135,11 +135,13 @@ class Readings:
                 continue
             clocks = [clock for clock, which in keys if which == number]
             times = self._times(request, clocks[0])
-            values = np.full(len(times), request.channel.offset)
+            values, slopes = np.full(len(times), request.channel.offset), np.zeros(len(times))
             for clock in clocks:
                 own, raw = self._clock(clock, series[clock, number])
-                values += np.interp(times, own, _filtered(own, raw, request.bandwidth))
-            found.append(Sample(times, values, np.ones(len(times))))
+                known = filtered(own, raw, request.bandwidth)
+                values += np.interp(times, own, known)
+                slopes += _slopes(times, own, known)
+            found.append(Sample(times, values, np.ones(len(times)), slopes))
         return found
 
     def _times(self, request: Trace, clock: str) -> Floats:
@@ -218,16 +220,6 @@ class Seeds:
                 fields[name][label] += factor
 
 
-def _filtered(times: Floats, values: Floats, bandwidth: float | None) -> Floats:
-    """Return readings behind the low-pass filter of an instrument."""
-    if bandwidth is None:
-        return values
-    constant, found = np.array(0.5 / np.pi / bandwidth), values.copy()
-    for n in range(1, len(values)):
-        found[n] = low_pass(values[n - 1], values[n], found[n - 1], times[n] - times[n - 1], constant)
-    return found
-
-
 def _filtered_transposed(times: Floats, factor: Floats, bandwidth: float | None) -> Floats:
     if bandwidth is None:
         return factor
@@ -242,6 +234,13 @@ def _filtered_transposed(times: Floats, factor: Floats, bandwidth: float | None)
         carried *= decay
     found[0] += carried + factor[0]
     return found
+
+
+def _slopes(times: Floats, own: Floats, values: Floats) -> Floats:
+    """Return the slopes of linear interpolation; zero outside of the known times."""
+    after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
+    slopes = (values[after] - values[after - 1]) / (own[after] - own[after - 1])
+    return np.where((times >= own[0]) & (times <= own[-1]), slopes, 0.0)
 
 
 def _interpolated_transposed(times: Floats, own: Floats, factor: Floats) -> Floats:

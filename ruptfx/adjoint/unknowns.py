@@ -14,7 +14,7 @@ from ruptfx.adjoint.bodies import constants_of
 from ruptfx.faults.fault import Fault
 from ruptfx.friction import FrictionLaw
 from ruptfx.mechanisms import mechanisms_of
-from ruptfx.misfits import Unknown
+from ruptfx.misfits import Misfit, Unknown
 from ruptfx.nucleation import Nucleation
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, nearest, unit_of
@@ -33,7 +33,7 @@ class Place:
     ----------
     key, unit : str
     fault : int
-        -1 for a constant of bodies.
+        -1 for a constant of bodies and a parameter of a term.
     rows : tuple of (str, float)
         Parameters of `PointMap` and their change by that of the unknown; none for a nucleation.
     nucleation : Nucleation, optional
@@ -47,6 +47,13 @@ class Place:
     nucleation: Nucleation | None = None
     constant: tuple[str, str] | None = None
     """Material and name of a constant of bodies."""
+    term: tuple[int, str] | None = None
+    """Number and parameter of a term of the objective."""
+
+    @property
+    def of_points(self) -> bool:
+        """True if the unknown has a value at every point of an interface, and is no single number."""
+        return self.fault >= 0
 
 
 def constants(model: Model) -> dict[str, Place]:
@@ -55,29 +62,45 @@ def constants(model: Model) -> dict[str, Place]:
     return {key: Place(key, unit, -1, constant=(name, each)) for key, (name, each, unit) in keys.items()}
 
 
+def of_terms(terms: Sequence[Misfit]) -> dict[str, Place]:
+    """Return the parameters of the terms of an objective by which it is differentiated, by key."""
+    known = [(f"objective.{n}.{name}", (n, name), unit) for n, term in enumerate(terms)
+             for name, unit in term.parameters.items()]  # fmt: skip
+    return {key: Place(key, unit, -1, term=which) for key, which, unit in known}
+
+
 def places(model: Model) -> dict[str, Place]:
     """Return all unknowns that the interfaces of a case have, by key."""
     return {place.key: place for number, fault in enumerate(model.faults) for place in _of_fault(model, number, fault)}
 
 
-def chosen(model: Model, unknowns: Sequence[Unknown]) -> list[tuple[Unknown, Place]]:
+def chosen(
+    model: Model, unknowns: Sequence[Unknown], terms: Sequence[Misfit] | None = None
+) -> list[tuple[Unknown, Place]]:
     """Return the given unknowns, or all of the interfaces, with their places.
+
+    Parameters
+    ----------
+    model : Model
+    unknowns : sequence of Unknown
+    terms : sequence of Misfit, optional
+        Of the objective; default is that of the case.
 
     Raises
     ------
     CaseError
-        A key that is no unknown of the case, or given twice; knots of a constant of bodies.
+        A key that is no unknown of the case, or given twice; knots of a single number.
     """
     known = places(model)
     given = list(unknowns) or [Unknown(key=key) for key in known]
-    known |= constants(model)
+    known |= constants(model) | of_terms(model.case.objective if terms is None else terms)
     for number, each in enumerate(given):
         if each.key not in known:
             hint = nearest(each.key, list(known))
             raise CaseError(f"unknowns.{number}.key = '{each.key}': cannot be differentiated, {hint}")
         if each.key in [other.key for other in given[:number]]:
             raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
-        if known[each.key].constant is not None and each.shape == "knots":
+        if not known[each.key].of_points and each.shape == "knots":
             raise CaseError(f"unknowns.{number}.shape = 'knots': '{each.key}' is one number; use shape = 'number'")
     return [(each, known[each.key]) for each in given]
 

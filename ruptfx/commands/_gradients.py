@@ -36,7 +36,10 @@ def case_on_ranks(
     with reported():
         parsed = read_case(case, overrides)
         if not isinstance(parsed, Case):
-            raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no gradient")
+            raise RuptfxError(
+                f"{case}: {parsed.kind()} is a lumped model and has no gradient; vary its keys in a study (`ruptfx "
+                "study`), which with sampling = 'cma_es' also searches them"
+            )
     if ranks == 1 or launch.RANKS in os.environ:
         return parsed
     options = [item for value in overrides for item in ("--set", value)] + ["--quiet"] * quiet

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from ruptfx import RuptfxError
 from ruptfx.commands._gradients import Memory, Quiet, Ranks, case_on_ranks
 from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
 
@@ -24,11 +25,15 @@ def infer(
 ) -> None:
     """Recover the unknowns of a case from its data; started again, go on with an unfinished directory.
 
+    A spring slider with an experiment of kind "fit" is fitted to its trace.
+
     Example: ruptfx infer case.toml --out inferences/first
     """
     from ruptfx.platform import launch
 
     out = out or Path("inferences") / case.stem
+    if _fitted(case, set_ or [], ranks, out, quiet):
+        return
     parsed = case_on_ranks("infer", case, ranks, out, set_ or [], memory, quiet)
     with reported():
         import numpy as np
@@ -63,3 +68,30 @@ def infer(
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
             files += ", tradeoffs.png" * (len(made.samples) > 1)
             screen.print(f"Files: {out} ({files})", soft_wrap=True)
+
+
+def _fitted(case: Path, overrides: list[str], ranks: int, out: Path, quiet: bool) -> bool:
+    """Run a lumped model that recovers parameters from data; return False for all other cases."""
+    from ruptfx.case import read_case
+    from ruptfx.lumped import LumpedModel, simulate
+    from ruptfx.platform.progress import Progress
+
+    with reported():
+        parsed = read_case(case, overrides)
+        if not isinstance(parsed, LumpedModel) or not parsed.recovers:
+            return False
+        if ranks > 1:
+            raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
+        with Progress(not quiet) as progress:
+            found = simulate(parsed, out, progress.update, resume=out.exists())
+        if not quiet:
+            table = Table("unknown", "recovered", f"{100 * found.attrs['confidence']:g} %", "unit", box=None,
+                          pad_edge=False)  # fmt: skip
+            for name in found.data_vars:
+                if f"{name}_low" in found:
+                    low, high = (float(found[f"{name}_{end}"]) for end in ("low", "high"))
+                    unit = found[name].attrs["units"]
+                    table.add_row(str(name), f"{float(found[name]):.6g}", f"{low:.6g} to {high:.6g}", unit)
+            screen.print(table)
+            screen.print(f"Files: {out} (result.nc, summary.json, figures)", soft_wrap=True)
+    return True

@@ -20,7 +20,8 @@ from ruptfx.inference.evaluations import Evaluation
 from ruptfx.inference.posterior import Posterior
 from ruptfx.inference.result import Fit, Recovered, Result
 from ruptfx.inference.variables import Variable
-from ruptfx.misfits import Inference
+from ruptfx.instruments._readings import ModelReadings
+from ruptfx.misfits import Inference, Misfit
 from ruptfx.model import Model
 from ruptfx.platform import parallel
 from ruptfx.platform.progress import Progress, working
@@ -68,6 +69,7 @@ class Inversion:
             for number, (unknown, place) in enumerate(chosen(self._model, case.unknowns))
         ]
         self._ends = np.cumsum([0, *(each.size for each in self._variables)]).tolist()
+        self._check_bounds_of_terms()
         self._case_with(np.zeros(self._ends[-1]))  # refuses keys that take no profile before the first run
         self._runs: list[Evaluation] = []
         self._iterates: list[int] = []
@@ -79,6 +81,15 @@ class Inversion:
         self._known: list[Evaluation] = parallel.on_root(comm, self._open)
         measured = [term.measured() for term in case.objective]
         self._data = 0 if None in measured else sum(len(each.values) for of_term in measured for each in of_term or [])
+
+    def _check_bounds_of_terms(self) -> None:
+        """Refuse bounds of a parameter of a term at which its data leave the run; collective."""
+        bodies = ModelReadings(self._model, lambda points: np.zeros((len(points), 6)))
+        for each in self._variables:
+            if each.place.term is not None and each.unknown.bounds is not None:
+                number, name = each.place.term
+                for bound in each.unknown.bounds:
+                    self.case.objective[number].substituted({name: bound}).requests(bodies, f"objective.{number}")
 
     def _open(self) -> list[Evaluation]:
         """Write the case, or check that the directory has this one; return the runs that are there."""
@@ -103,6 +114,8 @@ class Inversion:
         amplitudes: dict[tuple[int, int], Floats] = {}
         for each, values in zip(self._variables, self._values(z), strict=True):
             place = each.place
+            if not place.of_points:
+                continue
             change = (values - each.start)[self._model.faults[place.fault].interface.number]
             if place.nucleation is not None:
                 amplitudes[place.fault, int(place.key.split(".")[-2])] = change
@@ -110,9 +123,18 @@ class Inversion:
                 changes[place.fault, name] = changes.get((place.fault, name), 0.0) + part * change
         return perturbed(self._model, changes, amplitudes)
 
+    def _terms(self, z: Floats) -> list[Misfit]:
+        """Return the terms of the objective with the values of z."""
+        found = list(self.case.objective)
+        for each, values in zip(self._variables, self._values(z), strict=True):
+            if each.place.term is not None:
+                number, name = each.place.term
+                found[number] = found[number].substituted({name: float(values[0])})
+        return found
+
     def _evaluate(self, z: Floats, derivatives: str = "gradient") -> Evaluation:
         """Make a run, with its gradient or with the history for a Jacobian; collective."""
-        made = Objective(self.case, self.case.objective, self._comm, self._memory, model=self._changed(z),
+        made = Objective(self.case, self._terms(z), self._comm, self._memory, model=self._changed(z),
                          record=derivatives != "none")  # fmt: skip
         self._last = made if derivatives == "jacobian" else None
         prior = 0.5 * float(np.sum(np.square(z[self.has_prior])))
@@ -217,8 +239,8 @@ class Inversion:
         """Return a run with its history, and the derivative of its residuals by the readings; collective."""
         made = self._last if number == len(self._runs) - 1 else None
         if made is None:
-            model = self._changed(self._runs[number].variables)
-            made = Objective(self.case, self.case.objective, self._comm, self._memory, model=model)
+            z = self._runs[number].variables
+            made = Objective(self.case, self._terms(z), self._comm, self._memory, model=self._changed(z))
         residuals = made.residuals()
         assert residuals is not None
         return made, residuals[1]

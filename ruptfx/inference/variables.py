@@ -43,6 +43,9 @@ def whole(model: Model, face: Interface, values: Floats) -> Floats:
 
 def values_of_case(model: Model, place: Place) -> Floats:
     """Return an unknown as the case has it, at the points of this rank."""
+    if place.term is not None:
+        number, name = place.term
+        return np.array([float(getattr(model.case.objective[number], name))])
     fault = model.faults[place.fault]
     face = fault.interface
     if place.nucleation is not None:
@@ -94,9 +97,15 @@ class Variable:
 
     def __init__(self, model: Model, unknown: Unknown, place: Place, key: str) -> None:
         self.unknown, self.place = unknown, place
-        face = model.faults[place.fault].interface
-        self.position = whole(model, face, face.position)
-        self.start = whole(model, face, values_of_case(model, place))
+        face = model.faults[max(place.fault, 0)].interface
+        self.position, self.start = np.zeros(1), values_of_case(model, place)
+        if place.of_points:
+            self.position = whole(model, face, face.position)
+            self.start = whole(model, face, self.start)
+        elif place.term is not None and unknown.bounds is None:
+            raise CaseError(f"{key}.bounds: '{unknown.key}' needs some, within which the data stay in the run")
+        elif unknown.shape != "number":
+            raise CaseError(f"{key}.shape = '{unknown.shape}': '{unknown.key}' is one number; use shape = 'number'")
         low, high = unknown.bounds or (-np.inf, np.inf)
         if unknown.scale == "log" and self.start.min() <= 0:
             raise CaseError(

@@ -218,6 +218,34 @@ def text_of(path: Path) -> str:
         raise ValueError(f"{path}: cannot be read ({error})") from None
 
 
+def with_units(path: Path) -> dict[str, tuple[list[float], str]]:
+    """Return all columns of a CSV file with the units of its header, by name.
+
+    Raises
+    ------
+    ValueError
+        The header has no unit for a column, a name is given twice, or lines have other numbers of columns.
+    """
+    lines = [line for line in text_of(path).splitlines() if line.strip()]
+    first = next((i for i, line in enumerate(lines) if is_number(_words(line)[0])), None)
+    if first is None or first == 0:
+        raise ValueError(f"{path}: a header with the unit of every column and lines with numbers are needed")
+    header = [_BRACKETED.fullmatch(cell) for cell in _words(lines[first - 1].lstrip("# "))]
+    if any(cell is None for cell in header):
+        raise ValueError(f"{path}: each column needs a unit in the header: time (us), slip_rate (m/s)")
+    named = [(cell[1].strip(), cell[2].strip()) for cell in header if cell is not None]
+    if len(dict(named)) < len(named):
+        raise ValueError(f"{path}: two columns have the same name; rename one of them")
+    rows = [[number(word, path, i) for word in _words(line)] for i, line in enumerate(lines[first:], first + 1)]
+    if any(len(row) != len(named) for row in rows):
+        raise ValueError(f"{path}: {len(named)} columns have names, and lines have other numbers of columns")
+    return {name: (list(column), unit) for (name, unit), column in zip(named, zip(*rows, strict=True), strict=True)}
+
+
+def _words(line: str) -> list[str]:
+    return [word.strip() for word in line.split(";" if ";" in line else ",")]
+
+
 def two_columns(path: Path, first: str, units: Units) -> tuple[list[float], list[float]]:
     """Read the first two columns of a CSV file, `first` (increasing) and values, in the given units.
 

@@ -50,6 +50,11 @@ class LumpedModel(CaseFile, Alternative):
     title: str = ""
     """Title of figures."""
 
+    @property
+    def recovers(self) -> bool:
+        """True if a run recovers parameters from data, so that `ruptfx infer` takes the case."""
+        return False
+
     def run(self, progress: Progress = silent) -> xarray.Dataset:
         """Return the full result, with units and names; random draws have a seed.
 

@@ -68,11 +68,14 @@ class Sample:
     values : ndarray, shape (m,)
     weights : ndarray, shape (m,)
         Tributary lengths of the points [m] of a final field; 1 of a trace.
+    slopes : ndarray, shape (m,), optional
+        Derivatives of the values of a trace by its times.
     """
 
     at: Floats
     values: Floats
     weights: Floats
+    slopes: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,8 @@ class Misfit(Alternative):
     named `fault` at 5.3 mm."""
     unit: ClassVar[str] = "1"
     """Unit of the value; terms of one objective have the same."""
+    parameters: ClassVar[dict[str, str]] = {}
+    """Fields of the term that change its readings and may be unknowns, with their units."""
 
     def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
         """Return the readings that the term needs; collective.
@@ -118,6 +123,10 @@ class Misfit(Alternative):
 
     def evaluate(self, samples: Sequence[Sample]) -> tuple[float, list[Floats]]:
         """Return the value and its derivative by the values of each reading."""
+        raise NotImplementedError
+
+    def change(self, parameter: str, samples: Sequence[Sample]) -> list[Floats]:
+        """Return the derivative of the values of each reading by one of the `parameters`."""
         raise NotImplementedError
 
     def residuals(self, samples: Sequence[Sample]) -> list[tuple[Floats, Floats]] | None:
@@ -136,8 +145,9 @@ class Unknown(Part):
     """A quantity of a case by which an objective is differentiated, and which `ruptfx infer` recovers."""
 
     key: Annotated[str, Field(min_length=1)]
-    """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`; in
-    `ruptfx gradient` also constants of bodies, `materials.default.density`."""
+    """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`,
+    or the time shift of data, `objective.0.time_shift`; in `ruptfx gradient` also constants of bodies,
+    `materials.default.density`."""
     shape: Literal["field", "number", "knots"] = "field"
     """Values at all points of the interface, one number that is added everywhere, or numbers that are added at knots
     and interpolated linearly between them."""

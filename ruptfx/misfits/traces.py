@@ -12,9 +12,10 @@ from pydantic import Field, ValidationInfo, model_validator
 from ruptfx.input import number_files
 from ruptfx.input.quantities import factor
 from ruptfx.instruments import Instrument
+from ruptfx.instruments._filter import filtered
 from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
-from ruptfx.schema import CaseError, Name, nearest
-from ruptfx.units import Duration, Positive, Time
+from ruptfx.schema import CaseError, Name, Unit, nearest
+from ruptfx.units import Duration, Frequency, Positive, Time
 
 if TYPE_CHECKING:
     from ruptfx.instruments._readings import ModelReadings
@@ -25,8 +26,9 @@ class Traces(Misfit):
 
     The readings have the filter of the instrument (`bandwidth`) and are interpolated linearly to the times of the data.
     Columns of a CSV file are the time and channels of the instrument, each with its unit in the header:
-    `time (us), slip_rate (m/s)`. Another file is an `instruments.h5` of a run, of which the group of the instrument is
-    read. A case contains the data, not the file.
+    `time (us), slip_rate (m/s)`. Another file is NetCDF, of which the group of the instrument is read, as
+    `instruments.h5` of a run has one, or the variables of the file, if it has no groups; `time` and every channel have
+    an attribute `units`. A case contains the data, not the file.
     """
 
     example: ClassVar[str] = (
@@ -34,10 +36,12 @@ class Traces(Misfit):
         'data = { slip = [1e-6, 2e-6, 3e-6] }, units = { slip = "m" } }'
     )
 
+    parameters: ClassVar[dict[str, str]] = {"time_shift": "s"}
+
     instrument: Name
     """Name of the instrument."""
     file: str | None = None
-    """CSV file or `instruments.h5`, relative to the case file."""
+    """CSV or NetCDF file, such as `instruments.h5`, relative to the case file."""
     times: list[float] = []
     """Times of the data [s], in place of a file."""
     data: dict[str, list[float]] = {}
@@ -52,6 +56,12 @@ class Traces(Misfit):
     """Start of the window of times that count [s]."""
     end: Duration | None = None
     """End of that window [s]; default is the last time of the data."""
+    time_shift: Annotated[float, Unit("s")] = 0.0
+    """Time of the run minus that of the data, such as the delay of a trigger; may be an unknown. `begin` and `end`
+    are times of the data."""
+    bandwidth: Frequency | None = None
+    """Frequency of half power of a low-pass filter with one pole, which acts on data and readings alike, before the
+    window. The instrument then has none. Default: readings have the filter of the instrument, and data none."""
 
     @model_validator(mode="before")
     @classmethod
@@ -93,12 +103,13 @@ class Traces(Misfit):
         times = np.array(self.times)[self._inside]
         if not len(times):
             raise CaseError(f"{key}.begin = {self.begin:g} s: there are no data in the window; change begin or end")
-        if times[0] < 0 or times[-1] > case.duration * (1 + 1e-9):
-            raise CaseError(
-                f"{key}.times: data from {times[0]:.6g} s to {times[-1]:.6g} s, and the run lasts "
-                f"{case.duration:.6g} s; make it longer, or give begin and end"
-            )
+        self._check_inside(times, case.duration, key)
         number, instrument = named[self.instrument]
+        if self.bandwidth is not None and instrument.bandwidth is not None:
+            raise CaseError(
+                f"{key}.bandwidth = {self.bandwidth:g} Hz: '{self.instrument}' has a filter of its own, "
+                f"{instrument.bandwidth:g} Hz; remove one of them"
+            )
         if instrument.grid is not None:
             raise CaseError(
                 f"{key}.instrument = '{self.instrument}': a grid of receivers has no traces; add an instrument of "
@@ -128,7 +139,21 @@ class Traces(Misfit):
                 f"{key}.sigma: one number for channels in {' and '.join(sorted(units))}; give an entry for the "
                 "channels of each unit, with `channels`"
             )
-        return [Trace(found[name], times, instrument.bandwidth) for name in chosen]
+        bandwidth = self.bandwidth or instrument.bandwidth
+        return [Trace(found[name], times + self.time_shift, bandwidth) for name in chosen]
+
+    def _check_inside(self, times: Floats, duration: float, key: str) -> None:
+        shifted = times + self.time_shift
+        if shifted[0] < 0 or shifted[-1] > duration * (1 + 1e-9):
+            shift = f" with time_shift = {self.time_shift:.6g} s" if self.time_shift else ""
+            remedy = "narrow the bounds of the shift, make the run longer" if self.time_shift else "make it longer"
+            raise CaseError(
+                f"{key}.times: data from {shifted[0]:.6g} s to {shifted[-1]:.6g} s{shift}, and the run lasts "
+                f"{duration:.6g} s; {remedy}, or give begin and end"
+            )
+
+    def change(self, parameter: str, samples: Sequence[Sample]) -> list[Floats]:
+        return [np.zeros(len(sample.values)) if sample.slopes is None else sample.slopes for sample in samples]
 
     @property
     def _chosen(self) -> list[str]:
@@ -149,33 +174,20 @@ class Traces(Misfit):
         ]
 
     def measured(self) -> list[Measured]:
-        times, found = np.array(self.times)[self._inside], []
+        times, found = np.array(self.times), []
         for name in self._chosen:
-            values = np.array(self.data[name])[self._inside] * float(factor(self.units[name], None))  # SI
-            found.append(Measured(f"{self.instrument}, {name}", times, values))
+            values = np.array(self.data[name]) * float(factor(self.units[name], None))  # SI
+            if self.bandwidth is not None:
+                values = filtered(times, values, self.bandwidth)
+            found.append(Measured(f"{self.instrument}, {name}", times[self._inside], values[self._inside]))
         return found
 
 
 def _from_text(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
-    lines = [line for line in number_files.text_of(path).splitlines() if line.strip()]
-    first = next((i for i, line in enumerate(lines) if number_files.is_number(_words(line)[0])), None)
-    if first is None or first == 0:
-        raise ValueError(f"{path}: a header with the unit of every column and lines with numbers are needed")
-    header = [number_files._BRACKETED.fullmatch(cell) for cell in _words(lines[first - 1].lstrip("# "))]
-    if any(cell is None for cell in header):
-        raise ValueError(f"{path}: each column needs a unit in the header: time (us), slip_rate (m/s)")
-    named = [(cell[1].strip(), cell[2].strip()) for cell in header if cell is not None]
-    rows = np.array([[number_files.number(word, path, i) for word in _words(line)]
-                     for i, line in enumerate(lines[first:], first + 1)])  # fmt: skip
-    if rows.ndim != 2 or rows.shape[1] != len(named):
-        raise ValueError(f"{path}: {len(named)} columns have names, and lines have other numbers of columns")
-    times = rows[:, 0] * float(factor(named[0][1], "s"))
-    data = {name: column.tolist() for (name, _), column in zip(named[1:], rows.T[1:], strict=True)}
-    return times.tolist(), data, dict(named[1:])
-
-
-def _words(line: str) -> list[str]:
-    return [word.strip() for word in line.split(";" if ";" in line else ",")]
+    columns = number_files.with_units(path)
+    (_, (times, unit)), *rest = columns.items()
+    seconds = (np.array(times) * float(factor(unit, "s"))).tolist()
+    return seconds, {name: column for name, (column, _) in rest}, {name: unit for name, (_, unit) in rest}
 
 
 def _from_run(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
@@ -183,12 +195,18 @@ def _from_run(path: Path, instrument: str) -> tuple[list[float], dict[str, list[
 
     try:
         with h5netcdf.File(path, "r") as file:
-            if instrument not in file.groups:
+            if file.groups and instrument not in file.groups:
                 raise ValueError(f"{path}: has no instrument '{instrument}', {nearest(instrument, list(file.groups))}")
-            group = file[instrument]
-            names = [name for name in group.variables if name != "time"]
+            group = file[instrument] if file.groups else file
+            names = [name for name in group.variables if name != "time" and group[name].dimensions == ("time",)]
+            if "time" not in group.variables or not names:
+                raise ValueError(f"{path}: needs a variable 'time' and channels with the dimension 'time'")
+            for name in ("time", *names):
+                if "units" not in group[name].attrs:
+                    raise ValueError(f"{path}: '{name}' has no unit; give it an attribute units")
             data = {name: group[name][:].astype(float).tolist() for name in names}
             units = {name: str(group[name].attrs["units"]) for name in names}
-            return group["time"][:].astype(float).tolist(), data, units
-    except (OSError, KeyError) as error:
+            seconds = float(factor(str(group["time"].attrs["units"]), "s"))
+            return (seconds * group["time"][:].astype(float)).tolist(), data, units
+    except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error})") from None

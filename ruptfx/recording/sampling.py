@@ -15,6 +15,7 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.instruments import Channel, Instrument, Source
+from ruptfx.instruments._filter import low_pass
 from ruptfx.instruments._readings import ModelReadings, Stresses
 from ruptfx.schema import CaseError
 
@@ -90,15 +91,6 @@ class Train:
         for number, (group, members) in enumerate(self._members.items()):
             shape = (len(times["waiting"][number]), len(members))
             self.waiting[group] = [total([table["waiting"][number] for table in tables], shape)]
-
-
-def low_pass(before: np.ndarray, now: np.ndarray, smooth: np.ndarray, step: float, constant: np.ndarray) -> np.ndarray:
-    """Return the output of constant dy/dt = x - y after a step [s] with x linear from `before` to `now`."""
-    slope = (now - before) / step
-    lag = slope * constant
-    with np.errstate(divide="ignore"):
-        decay = np.exp(-step / constant)  # 0 without a filter
-    return now - lag + (smooth - before + lag) * decay
 
 
 class Samples:

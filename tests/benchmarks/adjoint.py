@@ -41,6 +41,12 @@ if TYPE_CHECKING:
 
 STEPS = 200
 PLANES = ("strain", "stress", "antiplane")
+BODIES: dict[str, Table] = {
+    "axisymmetric": {"kind": "fibre_in_matrix", "radius": 3e-3, "outer_radius": 6e-3, "length": 12e-3,
+                     "element_size": 1.5e-3},
+    "solid": {"kind": "box_with_fault", "fault_length": 12e-3, "fault_width": 6e-3, "element_size": 3e-3,
+              "beyond": 3e-3, "distance": 3e-3},
+}  # fmt: skip
 FEW = ("linear_slip_weakening", "rate_and_state_ageing")  # laws of the other planes where not `fine`
 SIZES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 KINDS = {
@@ -72,6 +78,21 @@ def sliding_plates(law: Table, contact: Table, plane: str, steps: int = STEPS) -
         {"kind": "traces", "instrument": "body", "data": {"velocity": [0.0, 0.0]}, "units": {"velocity": "m/s"},
          **times},
     ]  # fmt: skip
+    return Case.model_validate(table)
+
+
+def overstressed(law: Table, contact: Table, plane: str, steps: int = STEPS) -> Case:
+    """Return an interface around an axis or in 3D that slides from the start, with an objective of its slip."""
+    table = plates(law, contact, steps)
+    del table["boundaries"]
+    table |= {"plane": plane, "mesh": BODIES[plane], "objective": [{"kind": "final_slip", "sigma": 1e-6}]}
+    if plane == "solid":
+        table["positions"] = "x"
+    stress = table["faults"]["main"]["initial_stress"]
+    stress["shear"] = {
+        "kind": "boxcar", "center": 0.0 if plane == "solid" else 6e-3, "half_width": 3e-3,
+        "inside": 1.5 * stress["shear"], "outside": 0.8 * stress["shear"],
+    }  # fmt: skip
     return Case.model_validate(table)
 
 
@@ -301,6 +322,12 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         for name, contact in CONTACTS.items():
             laws = LAWS if fine or plane == PLANES[0] else {law: LAWS[law] for law in FEW}
             worst = max(mismatch(sliding_plates(law, contact, plane), comm) for law in laws.values())
+            quantity = f"transpose, {plane}, {name}, {len(laws)} laws: |<Jx, y> - <x, J'y>|"
+            checks.append(Check(quantity, 0.0, worst, 1e-12, "1", "exact transposes"))
+    for plane in BODIES:
+        for name, contact in CONTACTS.items():
+            laws = LAWS if fine else {law: LAWS[law] for law in FEW}
+            worst = max(mismatch(overstressed(law, contact, plane), comm) for law in laws.values())
             quantity = f"transpose, {plane}, {name}, {len(laws)} laws: |<Jx, y> - <x, J'y>|"
             checks.append(Check(quantity, 0.0, worst, 1e-12, "1", "exact transposes"))
     remainders = Remainders(comm)

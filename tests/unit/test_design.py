@@ -301,6 +301,18 @@ def test_instrument(tmp_path: Path) -> None:
     assert name == "tilt" and values == pytest.approx(3e-6, rel=1e-9)
 
 
+def test_term_of_an_objective(tmp_path: Path) -> None:
+    """Its value is the mean slip; more shear stress everywhere, more slip."""
+    pytest.importorskip("dolfinx")
+    from ruptfx import gradient
+
+    case = in_a_case(tmp_path, "Term of an objective", slip_weakening({"objective": [{"kind": "mean_slip"}]}))
+    found = gradient(case, unknowns=["faults.main.initial_stress.shear"], progress=False)
+    assert found["faults.main.initial_stress.shear"].attrs["units"] == "m/Pa"
+    assert float(found["faults.main.initial_stress.shear"].sum()) > 0
+    assert 0 < float(found["objective"]) < 1e-3
+
+
 def test_profile(tmp_path: Path) -> None:
     """A quarter of a wavelength from the origin it is at its crest."""
     sine = {"kind": "sine", "mean": 3.0, "amplitude": "2 Pa", "wavelength": "4 mm"}

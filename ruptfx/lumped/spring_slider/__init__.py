@@ -78,6 +78,10 @@ class SpringSlider(LumpedModel):
         assert isinstance(self.friction, RateAndState)
         return Slider(self.friction, self.normal_force, self.stiffness, self.mass, self.interface_length)
 
+    @property
+    def recovers(self) -> bool:
+        return isinstance(self.experiment, Fit)
+
     def run(self, progress: Progress = silent) -> xarray.Dataset:
         slider = self.slider()
         dataset = self.experiment.run(slider, progress)

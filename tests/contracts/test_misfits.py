@@ -1,0 +1,285 @@
+"""Data of an objective: files with units, time shifts, filters, fields of image correlation, degrees of modes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+from helpers.messages import facts
+from helpers.small_cases import slip_weakening
+
+from ruptfx.analysis.modes import classify
+from ruptfx.case import Case, parse_case, read_case
+from ruptfx.misfits.mode_degree import degree_of
+from ruptfx.schema import CaseError
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import RuptfxError, gradient, infer
+from ruptfx.adjoint.gradients import Objective
+from ruptfx.adjoint.unknowns import perturbed
+from ruptfx.misfits import Unknown
+from ruptfx.model import Model
+from ruptfx.platform import launch
+
+pytestmark = pytest.mark.fem
+
+TIMES = np.arange(2e-6, 10e-6, 2.5e-7)
+BODY = {"kind": "velocimeter", "name": "body", "interval": 1e-7, "point": [18e-3, 2e-3], "direction": [1.0, 0.0]}
+SHIFT = "objective.0.time_shift"
+D_C = "faults.main.friction.D_c"
+
+
+def trace(**keys: Any) -> dict[str, Any]:
+    return {"kind": "traces", "instrument": "body", "times": TIMES.tolist(), "data": {"velocity": [0.1] * len(TIMES)},
+            "units": {"velocity": "m/s"}, "sigma": 0.02, **keys}  # fmt: skip
+
+
+def case_with(term: dict[str, Any], directory: Path | None = None, **keys: Any) -> Case:
+    changes = {"duration": 12e-6, "instruments": [BODY], "objective": [term], **keys}
+    made = parse_case(slip_weakening(changes), directory) if directory else parse_case(slip_weakening(changes))
+    assert isinstance(made, Case)
+    return made
+
+
+def readings(case: Case) -> np.ndarray:
+    return np.concatenate([sample.values for _, sample in Objective(case, case.objective, record=False).samples])
+
+
+def test_the_derivative_by_a_time_shift_equals_central_differences() -> None:
+    """Readings are linear between steps, and so is the shift as long as no datum passes one: 1e-10 s here."""
+    case = case_with(trace(time_shift=3.1e-7))
+    exact = gradient(case, unknowns=[SHIFT, D_C], progress=False)
+    assert exact[SHIFT].ndim == 0 and exact[SHIFT].attrs["units"] == "1/s"
+    values = [
+        Objective(case, [case.objective[0].substituted({"time_shift": 3.1e-7 + step})], record=False).value
+        for step in (-1e-10, 1e-10)
+    ]
+    assert float(exact[SHIFT]) == pytest.approx((values[1] - values[0]) / 2e-10, rel=1e-8)
+    both = gradient(case, unknowns=[D_C], progress=False)
+    np.testing.assert_array_equal(exact[D_C], both[D_C])
+
+
+@pytest.mark.parametrize("method", ["l_bfgs", "gauss_newton"])
+def test_a_time_shift_is_recovered_with_a_number(method: str, tmp_path: Path) -> None:
+    """Data are 0.4 us late, and D_c is 4 um in place of 5 um; beyond the bounds there is another minimum, at 0.4 us."""
+    true = case_with(trace(time_shift=-4e-7)).changed(D_C, 4e-6)
+    data = readings(true) + 0.02 * np.random.default_rng(1).normal(size=len(TIMES))
+    unknowns = [
+        {"key": SHIFT, "shape": "number", "bounds": [-7e-7, 0.0]},
+        {"key": D_C, "shape": "number", "scale": "log", "bounds": [1e-6, 2e-5]},
+    ]
+    case = case_with(
+        trace(data={"velocity": data.tolist()}, time_shift=-1e-7),
+        unknowns=unknowns, inference={"method": method, "iterations": 30},
+    )
+    made = infer(case, tmp_path / "out", progress=False)
+    for each, wanted in zip(made.unknowns, (-4e-7, 4e-6), strict=True):
+        low, high = each.interval[:, 0]
+        assert abs(each.best[0] - wanted) < 2 * (high - low), each.key  # four standard deviations
+    best = read_case(tmp_path / "out/best.toml")
+    assert isinstance(best, Case)
+    assert best.objective[0].time_shift == made.unknowns[0].best[0]
+    assert Objective(best, best.objective, record=False).value == pytest.approx(made.best.misfit, rel=1e-9)
+    with xarray.open_dataset(tmp_path / "out/result.nc", engine="h5netcdf") as result:
+        assert float(result[f"{SHIFT}.best"][0]) == made.unknowns[0].best[0]
+
+
+@pytest.mark.parametrize("unknown, message", [
+    ({"shape": "number", "bounds": [-3e-6, 1e-6]}, r"objective\.0\.times: .* -1e-06 s .*time_shift = -3e-06 s"),
+    ({"shape": "number"}, r"unknowns\.0\.bounds: .*within which the data stay"),
+    ({"bounds": [-1e-6, 1e-6]}, r"unknowns\.0\.shape = 'field': .*is one number"),
+    ({"shape": "knots", "knots": [0.0, 1.0]}, r"unknowns\.0\.shape = 'knots': .*is one number"),
+    ({"key": "objective.1.time_shift", "shape": "number"}, r"unknowns\.0\.key = 'objective\.1\.time_shift'"),
+])  # fmt: skip
+def test_a_time_shift_that_cannot_be_recovered_is_refused(unknown: Any, message: str, tmp_path: Path) -> None:
+    case = case_with(trace(), unknowns=[{"key": SHIFT, **unknown}])
+    with pytest.raises(CaseError, match=facts(message)):
+        infer(case, tmp_path / "out", progress=False)
+
+
+def test_one_filter_acts_on_data_and_readings() -> None:
+    """Data of every step of the run, from the start on, are filtered as its readings are."""
+    dt = Objective(whole := case_with(trace()), whole.objective, record=False).sweeps.dt
+    times = [0.0, *((n + 0.5) * dt for n in range(int(10e-6 / dt)))]
+    term = trace(times=times, data={"velocity": [0.0] * len(times)})
+    data = readings(case_with(term)).tolist()
+    filtered = case_with({**term, "data": {"velocity": data}, "bandwidth": 3e5})
+    made = Objective(filtered, filtered.objective, record=False)
+    assert np.abs(made.samples[0][1].values - data).max() > 0.01  # m/s
+    assert made.value < 1e-20
+    with pytest.raises(CaseError, match=facts(r"objective\.0\.bandwidth = 300000 Hz: 'body' has a filter")):
+        own = case_with(trace(bandwidth=3e5), instruments=[{**BODY, "bandwidth": 1e6}])
+        Objective(own, own.objective)
+
+
+@pytest.mark.parametrize("group", ["/", "/body"])
+def test_data_are_read_from_netcdf_with_units(group: str, tmp_path: Path) -> None:
+    found = xarray.Dataset(
+        {"velocity": ("time", [10.0, 20.0], {"units": "cm/s"})}, {"time": ("time", [3.0, 5.0], {"units": "us"})}
+    )
+    found.to_netcdf(tmp_path / "data.nc", group=group, engine="h5netcdf")
+    term = {"kind": "traces", "instrument": "body", "file": "data.nc", "sigma": 0.1}
+    made = case_with(term, tmp_path)
+    assert made.objective[0].times == pytest.approx([3e-6, 5e-6], rel=1e-15)
+    value = Objective(made, made.objective, record=False)
+    assert value.value == pytest.approx(50 * np.sum((value.samples[0][1].values - [0.1, 0.2]) ** 2))
+    del found["velocity"].attrs["units"]
+    found.to_netcdf(tmp_path / "data.nc", group=group, engine="h5netcdf")
+    with pytest.raises(CaseError, match=facts("'velocity' has no unit")):
+        case_with(term, tmp_path)
+
+
+def field(**keys: Any) -> dict[str, Any]:
+    return {"kind": "displacement_field", "time": 8e-6, "sigma": 1e-6, **keys}
+
+
+def test_displacements_are_read_from_files_with_units(tmp_path: Path) -> None:
+    """Two points of a CSV file and of a grid in NetCDF are those of a list."""
+    listed = case_with(field(x=[15e-3, 17e-3], y=[1e-3, 1e-3], displacement_x=[1e-6, 3e-6], body="upper"))
+    text = "x (mm),y (mm),displacement_x (um)\n5,1,1\n7,1,3\n"
+    (tmp_path / "moved.csv").write_text(text)
+    of_text = case_with(field(file="moved.csv", origin=[10e-3, 0.0], body="upper"), tmp_path)
+    grid = xarray.Dataset(
+        {"displacement_x": (("y", "x"), [[1.0, 9.0, 3.0, 9.0, np.nan]], {"units": "um"})},
+        {"x": ("x", [5.0, 6.0, 7.0, 8.0, 9.0], {"units": "mm"}), "y": ("y", [1.0], {"units": "mm"})},
+    )
+    grid.to_netcdf(tmp_path / "moved.nc", engine="h5netcdf")
+    of_grid = case_with(field(file="moved.nc", origin=[10e-3, 0.0], every=2, body="upper"), tmp_path)
+    values = [Objective(case, case.objective, record=False).value for case in (listed, of_text, of_grid)]
+    assert values[0] > 0 and values == pytest.approx([values[0]] * 3, rel=1e-12)
+    moved = readings(listed)
+    assert values[0] == pytest.approx(0.5e12 * np.sum((moved - [1e-6, 3e-6]) ** 2))
+
+
+def test_a_number_is_recovered_from_a_field_of_displacements(tmp_path: Path) -> None:
+    x, y = (each.ravel().tolist() for each in np.meshgrid(np.linspace(10e-3, 22e-3, 7), [-2e-3, 1e-3, 3e-3]))
+    zero = [0.0] * len(x)
+    true = case_with(field(x=x, y=y, displacement_x=zero, displacement_y=zero, sigma=2e-7)).changed(D_C, 4e-6)
+    noise = 2e-7 * np.random.default_rng(2).normal(size=2 * len(x))
+    data = np.split(readings(true) + noise, 2)
+    term = field(x=x, y=y, displacement_x=data[0].tolist(), displacement_y=data[1].tolist(), sigma=2e-7)
+    number = {"key": D_C, "shape": "number", "scale": "log", "bounds": [1e-6, 2e-5]}
+    case = case_with(term, unknowns=[number], inference={"method": "gauss_newton"})
+    (found,) = infer(case, tmp_path / "out", progress=False).unknowns
+    low, high = found.interval[:, 0]
+    assert abs(found.best[0] - 4e-6) < 2 * (high - low) < 2e-6
+
+
+@pytest.mark.parametrize("term, message", [
+    (field(), "there are no data"),
+    (field(x=[1e-3], y=[1e-3], displacement_x=[0.0, 1.0]), "2 values at 1 points"),
+    (field(x=[15e-3], y=[1e-3], displacement_x=[0.0], time=1.0), r"objective\.0\.time = 1 s: the run lasts"),
+    (field(x=[1.0], y=[1e-3], displacement_x=[0.0]), r"objective\.0\.x\.0.*1"),
+])  # fmt: skip
+def test_fields_that_cannot_be_used_are_refused(term: dict[str, Any], message: str) -> None:
+    with pytest.raises(RuptfxError, match=facts(message)):
+        gradient(case_with(term), progress=False)
+
+
+def test_a_field_in_pixels_and_antiplane_motion_are_refused(tmp_path: Path) -> None:
+    xarray.Dataset(
+        {"displacement_x": (("y", "x"), [[1.0]], {"units": "pixel"})},
+        {"x": ("x", [0.0], {"units": "pixel"}), "y": ("y", [0.0], {"units": "pixel"})},
+    ).to_netcdf(tmp_path / "moved.nc", engine="h5netcdf")
+    with pytest.raises(CaseError, match=facts("in pixels .*--pixel")):
+        case_with(field(file="moved.nc"), tmp_path)
+    out_of_plane = case_with(
+        field(x=[15e-3], y=[1e-3], displacement_x=[0.0]), plane="antiplane", instruments=[], boundaries=[]
+    )
+    with pytest.raises(CaseError, match=facts(r"objective\.0\.kind = 'displacement_field': .*plane = 'antiplane'")):
+        gradient(out_of_plane, progress=False)
+
+
+def pulses(kind: str) -> np.ndarray:
+    """Slip rate [m/s] at 60 times and 100 points; the tip is 1.6 points faster than time."""
+    t, x = np.arange(60)[:, None], np.arange(100)[None]
+    behind = 1.6 * t - x
+    return {
+        "crack": np.where(behind > 0, 1.0, 0.0),
+        "pulse": np.exp(-(((behind - 8) / 6.0) ** 2)),
+        "train": np.where(behind > 0, np.abs(np.sin(behind * np.pi / 12)) ** 3, 0.0),
+    }[kind]
+
+
+@pytest.mark.parametrize("kind", ["crack", "pulse", "train"])
+def test_smooth_degrees_are_close_to_those_of_the_analysis(kind: str) -> None:
+    rates = pulses(kind)
+    exact = classify(rates, 1e-6 * np.arange(60), 1e-3 * np.arange(100), V_imp=2.0).degrees
+    for mode in ("crack", "pulse", "train"):
+        assert degree_of(rates, mode, 0.04)[0] == pytest.approx(exact[mode], abs=0.15), mode
+    assert max(("crack", "pulse", "train"), key=lambda mode: degree_of(rates, mode, 0.04)[0]) == kind
+
+
+@pytest.mark.parametrize("steepness", [1.0, 4.0])
+@pytest.mark.parametrize("mode", ["crack", "pulse", "train", "pulses_into_crack"])
+@pytest.mark.parametrize("kind", ["crack", "pulse", "train"])
+def test_smooth_degrees_have_exact_derivatives(kind: str, mode: str, steepness: float) -> None:
+    random = np.random.default_rng(0)
+    rates = 0.3 * pulses(kind) + 0.01 * random.random((60, 100))
+    change = rates * random.normal(size=rates.shape)
+    degree, slope = degree_of(rates, mode, 0.04, 5.0, steepness)
+    both = [degree_of(rates + sign * 1e-6 * change, mode, 0.04, 5.0, steepness)[0] for sign in (1, -1)]
+    assert 0 <= degree <= 1
+    assert float(np.sum(slope * change)) == pytest.approx((both[0] - both[1]) / 2e-6, rel=1e-5, abs=1e-9)
+
+
+def test_taylor_remainder_of_a_degree_is_of_second_order_through_a_run() -> None:
+    """Ageing law, which has no kinks: the remainder falls by 100 for a tenth of the change."""
+    law = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 5e-6, "f_0": 0.4, "V_0": 1e-2,
+           "V_initial": 1e-2}  # fmt: skip
+    term = {"kind": "mode_degree", "mode": "crack", "threshold": 0.05, "loaded_end": 16e-3, "far_end": 30e-3,
+            "spacing": 1e-3, "interval": 5e-7, "steepness": 1.0}  # fmt: skip
+    case = case_with(term, **{"faults.main.friction": law, "faults.main.initial_stress.shear.inside": 4.5e6})
+    made = Objective(case, case.objective)
+    (by_shear,) = made.gradient([Unknown(key="faults.main.initial_stress.shear")])
+    model = Model(case).in_steps("explicit")
+    shape = 1e6 * np.cos(200 * model.faults[0].interface.position)
+    slope = float(by_shear.values @ shape)
+    assert 0.05 < made.value < 0.95
+    sizes, rest = (1e-2, 1e-3, 1e-4), []
+    for size in sizes:
+        view = perturbed(model, {(0, "shear_traction_0_0"): size * shape})
+        value = Objective(case, case.objective, model=view, record=False).value
+        rest.append(abs(value - made.value - size * slope) / abs(slope))
+    assert rest[0] < 0.05 and np.log10(rest[0] / rest[-1]) / 2 > 1.9
+
+
+def test_modes_need_enough_positions_and_times() -> None:
+    term = {"kind": "mode_degree", "mode": "crack", "threshold": 0.5, "loaded_end": 16e-3, "far_end": 17e-3,
+            "spacing": 1e-3, "interval": 5e-7}  # fmt: skip
+    with pytest.raises(CaseError, match=facts(r"spacing = 0\.001 m: fewer than 6")):
+        case_with(term)
+    few = case_with({**term, "far_end": 30e-3, "interval": 1e-5})
+    with pytest.raises(CaseError, match=facts(r"objective\.0\.interval = 1e-05 s: at most a quarter")):
+        gradient(few, progress=False)
+
+
+def test_infer_fits_a_spring_slider_and_refuses_other_lumped_models(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 3.0, 600)
+    drive = np.where(time < 1, 1e-6, 5e-6)
+    from ruptfx.lumped.spring_slider import SpringSlider
+    from ruptfx.lumped.spring_slider.fit import modelled
+
+    slider = SpringSlider().slider()
+    friction = modelled(slider, np.array([*np.log([0.013, 0.026, 0.42e-6]), 0.36]), time, drive)
+    rows = "\n".join(f"{a:.9g},{b:.9g},{c:.12g}" for a, b, c in zip(time, drive, friction, strict=True))
+    (tmp_path / "trace.csv").write_text(f"time,drive_speed,friction\n{rows}\n")
+    head = 'kind = "spring_slider"\n'
+    law = 'friction = { kind = "rate_and_state_ageing", a = 0.01, b = 0.02, D_c = 0.7e-6, f_0 = 0.36, V_0 = 1e-6 }\n'
+    (tmp_path / "fit.toml").write_text(f'{head}{law}experiment = {{ kind = "fit", trace = "trace.csv" }}\n')
+    (tmp_path / "steps.toml").write_text(head)
+    out = tmp_path / "out"
+    for _ in range(2):  # the second time from the files
+        assert launch.run_on(1, ["infer", str(tmp_path / "fit.toml"), "--out", str(out), "--quiet"]) == 0
+    with xarray.open_dataset(out / "result.nc", engine="h5netcdf") as found:
+        assert [float(found[name]) for name in ("a", "b", "D_c")] == pytest.approx([0.013, 0.026, 0.42e-6], rel=1e-2)
+    from typer.testing import CliRunner
+
+    from ruptfx.cli import app
+
+    said = CliRunner().invoke(app, ["infer", str(tmp_path / "steps.toml"), "--out", str(tmp_path / "other")])
+    assert said.exit_code != 0 and "cma_es" in " ".join(said.output.split())
