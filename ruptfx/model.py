@@ -292,6 +292,7 @@ class Model(System):
         velocity = self.initial_velocity()
         state = State(zero, velocity, self.force.array, {})
         for each in self.mechanisms:
+            state.energy |= {energy.name: 0.0 for energy in each.energies if energy.name not in state.energy}
             each.begin(state)
         # The kinetic energy at the start counts as work of the boundaries.
         state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)

@@ -300,9 +300,9 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
         if keys:
             reason = f"beside facets of fracture.kind = '{kind}' tractions of an interface follow from its displacement"
             yield Refusal(keys, reason, (keys, ("fracture",)))
-        for key, why in ((large, "is for small ones"), ("collisions", "has no springs to go by")):
-            if key in choices:
-                yield Refusal((key,), f"fracture.kind = '{kind}' {why}", (("fracture",),), ((key,),))
+        if large in choices and "collisions" not in choices:
+            reason = f"pieces of fracture.kind = '{kind}' that turn far apart meet by collision contact, [collisions]"
+            yield Refusal((large,), reason, (("fracture",),), ((large,),))
 
 
 def _attachments(choices: Choices) -> Iterator[Refusal]:

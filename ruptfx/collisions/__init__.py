@@ -1,8 +1,8 @@
 """Collision contact of bodies and fragments, one method per file, the `kind` of the table ``[collisions]``.
 
-Facets that have failed are in contact with their neighbour cell. After opening or slip by a part of their length they
-are replaced by collision contact, which searches contacts by position. `_step` finds close pairs and stores their
-friction, `collide.c` contains the formulas.
+Facets that have failed are in contact with their neighbour cell. After opening or slip by a part of their length, at
+one of their ends, they are replaced by collision contact, which searches contacts by position. `_step` finds close
+pairs and stores their friction, `collide.c` contains the formulas.
 """
 
 from __future__ import annotations

@@ -189,7 +189,7 @@ class CollisionStep:
         np.add.at(inner, net.cells.ravel(), 1)
         self._outer = inner[: self._owned] < len(FACETS["triangle"])
         young = np.array([float(material.young_modulus_along(np.eye(2)[:1])[0]) for material in materials])
-        spring = cracks.fracture.stiffness(young, cracks.edge)
+        spring = cracks.fracture.spring_of_collisions(young, cracks.edge)
         both = 2 / (1 / spring[:, None] + 1 / spring)
         self._modulus = np.vectorize(lambda k: collisions.modulus(k, cracks.edge))(both)
         laws, names = cracks.fracture.laws_by_pair(bodies.names), bodies.names
@@ -222,12 +222,14 @@ class CollisionStep:
     def without_partner(self) -> np.ndarray:
         """Return the stiffness of possible later contact of nodes on edges of the bodies, shape (nodes,) [N/m].
 
-        It is twice the stiffness of a flush side, half at each end, as the other body may be equally light.
+        It is twice the stiffness of a flush side, half at each end, as the other body may be equally light. Sides of
+        all cells count where no springs are between them: collision contact may replace each of their facets.
         """
         found = np.zeros((len(self._x), 2))
-        known = {tuple(facet) for facet in self._network.vertices.tolist()}
+        rigid = self._cracks.fracture.rigid
+        known = set() if rigid else {tuple(facet) for facet in self._network.vertices.tolist()}
         modulus = self._modulus.max(axis=1)
-        for cell in np.flatnonzero(self._outer):
+        for cell in range(self._owned) if rigid else np.flatnonzero(self._outer):
             for places in map(list, FACETS["triangle"]):
                 if tuple(sorted(self._vertices[cell, places].tolist())) not in known:
                     nodes = self._nodes[cell, places]
@@ -317,10 +319,13 @@ class CollisionStep:
     def _look(self, state: State) -> bool:
         """Return whether facets have failed or been replaced since the last search, on any rank; collective."""
         cracks, field = state.cracks, state.cracks[FIELD]
-        failed = (cracks["damage"] >= 1).all(axis=1)
+        gone = cracks["damage"] >= 1
         far = np.maximum(cracks["inelastic_opening"], np.abs(cracks["slip"])).max(axis=1)
-        handed = failed & (far > 2 * self._collisions.hand_over * self._cracks.half_length)
-        now = np.where(handed | (field == HANDED), HANDED, np.where(failed, FAILED, 0.0))
+        is_far = far > 2 * self._collisions.hand_over * self._cracks.half_length
+        # No end is a hinge about which pieces fold: where their sides are opposite, the frame of a facet is undefined.
+        handed = gone.any(axis=1) & is_far
+        cracks["damage"][handed] = 1.0
+        now = np.where(handed | (field == HANDED), HANDED, np.where(gone.all(axis=1), FAILED, 0.0))
         changed = not np.array_equal(now, field)
         if not parallel.anywhere(self.comm, changed):
             return False

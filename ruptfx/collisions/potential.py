@@ -31,7 +31,9 @@ class Potential(Collisions):
     """
 
     stiffness: Annotated[float, Field(gt=0, le=1), Unit("1")] = 0.2
-    """Contact stiffness of two flush equilateral triangles over that of the springs of `[fracture]` between them."""
+    """Contact stiffness of two flush equilateral triangles over that of the springs of `[fracture]` between them;
+    between cells that are tied (extrinsic facets) over 10 E / h, with Young's modulus E and the mean length h of
+    facets."""
 
     def modulus(self, spring: float, edge: float) -> float:
         return self.stiffness * spring * edge / (4 * float(np.sqrt(3)))  # 1 / h_1 + 1 / h_2 = 4 / (sqrt(3) edge)

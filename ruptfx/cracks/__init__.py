@@ -119,6 +119,16 @@ class Fracture(Alternative):
         """
         raise NotImplementedError
 
+    def spring_of_collisions(self, modulus: Modulus, edge: float) -> Modulus:
+        """Return the stiffness of springs between cells to which that of collision contact refers [Pa/m].
+
+        Parameters
+        ----------
+        modulus, edge :
+            As of `stiffness`.
+        """
+        return self.stiffness(modulus, edge)
+
     def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:
         """Return the material of cells of a body whose facets add a compliance.
 

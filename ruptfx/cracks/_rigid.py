@@ -24,6 +24,7 @@ from ruptfx.cracks.extrinsic import Extrinsic
 from ruptfx.materials import Plane
 from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.operators import Damped
+from ruptfx.platform import parallel
 from ruptfx.space.bodies import Bodies
 from ruptfx.state import FaultState, State
 
@@ -42,7 +43,7 @@ class _Rigid(ctypes.Structure):
     _fields_ = [("cells", ctypes.c_long), ("facets", ctypes.c_long), *((name, ctypes.c_void_p) for name in (
         "star_start", "star", "ends_start", "ends", "place", "corner", "cell", "group", "first_number", "dof", "body",
         "leader", "split", "inserted", "left", "normal", "weight", "owned", "number", "strength", "gradient",
-        "stiffness", "mass", "initial", "stress",
+        "stiffness", "mass", "initial", "along", "stress", "present",
     ))]  # fmt: skip
 
 
@@ -87,7 +88,9 @@ class RigidCracks(CrackStep):
         self._keep("corner", self.corners.astype(np.int32))
         self._keep("cell", self.network.cells[self.order].astype(np.int32))
         self._keep("normal", self.normal)
+        self._keep("present", self.normal.copy() if self.large_rotations else self.normal)
         self._keep("weight", self.weight)
+        self._keep("along", self.along)
         self._keep("owned", self.owned.astype(float))
         self._keep("inserted", np.zeros(len(self.order), np.int32))
         self._find_stars()
@@ -135,7 +138,9 @@ class RigidCracks(CrackStep):
         self.summed_vertices = np.arange(count, dtype=np.int32)
         self._keep("leader", np.arange(self._nodes, dtype=np.int32))
         self.leader = self._arrays["leader"]
-        self._most = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
+        # Sizes in the C code: other ones may be rounded differently.
+        most = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
+        self._most = [int(parallel.largest(net.comm, value)) for value in most]
 
     def _compile(self) -> None:
         """Compile the formulas of all groups with the code that uses them."""
@@ -158,6 +163,7 @@ class RigidCracks(CrackStep):
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1], "PRELOADED": int(self.initial_stress.any()),
+            "LARGE_ROTATIONS": int(self.large_rotations),
         }  # fmt: skip
         whole = _source("rigid_types.c") + text + f"static const struct law LAWS[] = {{{laws}}};\n"
         shared = "".join(files("ruptfx").joinpath(part).read_text() for part in SHARED)
@@ -251,6 +257,8 @@ class RigidCracks(CrackStep):
         mass : ndarray, shape (nodes * 2,)
             Mass of every single corner [kg].
         """
+        if self.large_rotations:
+            self._library.orient(ctypes.byref(self._c), _at(state.displacement))
         if state.step % self._every:
             return self._found[:0]
         cracks = state.cracks
@@ -362,7 +370,7 @@ class RigidCracks(CrackStep):
         """Add the forces of tractions, and give all corners of a component their sum [N]."""
         self.adopt(state)
         facet, end = np.nonzero(self.leader[self.corners[:, 0]] != self.leader[self.corners[:, 1]])
-        forces = self.weight[facet, None] * self._beyond_initial(state, self.normal, self.tangent)[facet, end]
+        forces = self.weight[facet, None] * self._beyond_initial(state, *self._frame(displacement))[facet, end]
         rows = force.reshape(-1, 2)
         np.add.at(rows, self.corners[facet, 0, end], forces)
         np.add.at(rows, self.corners[facet, 1, end], -forces)
@@ -380,6 +388,9 @@ class RigidCracks(CrackStep):
         number = np.empty(self._nodes, np.int64)
         number[self._dof] = self.network.cell_numbers[:, None]
         return number
+
+    def release(self, facets: np.ndarray) -> None:
+        self._arrays["weight"][:] = self.weight[:] = np.where(facets, 0.0, self.half_length)
 
     def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """Add nothing: there are no springs."""

@@ -10,6 +10,8 @@ from pydantic import Field
 from ruptfx.cracks import Fracture, Modulus
 from ruptfx.materials import Material, Plane
 
+SPRINGS = 10.0  # as `stiffness_ratio` of intrinsic facets
+
 
 class Extrinsic(Fracture):
     """Extrinsic facets: cells are tied until the traction of a facet exceeds its strength.
@@ -31,6 +33,9 @@ class Extrinsic(Fracture):
 
     def stiffness(self, modulus: Modulus, edge: float) -> Modulus:
         return inf * modulus
+
+    def spring_of_collisions(self, modulus: Modulus, edge: float) -> Modulus:
+        return SPRINGS * modulus / edge
 
     def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:
         return material

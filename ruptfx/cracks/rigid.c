@@ -97,6 +97,22 @@ void split(const struct rigid *r, long count, const int *list)
     }
 }
 
+// Normals of facets at the displacement, across the mean of both sides. Vertices advance one after the other, so that they
+// are computed before the first of them does.
+void orient(const struct rigid *r, const double *displacement)
+{
+    for (long f = 0; f < r->facets; f++) {
+        const int *at = r->corner + 4 * f;  // both ends of the minus side, then of the plus side
+        const double *first = displacement + 2L * at[0], *last = displacement + 2L * at[1];
+        const double *over_first = displacement + 2L * at[2], *over_last = displacement + 2L * at[3];
+        const double along = r->along[f];
+        const double x = along * r->normal[2 * f + 1] + 0.5 * (last[0] + over_last[0] - first[0] - over_first[0]);
+        const double y = -along * r->normal[2 * f] + 0.5 * (last[1] + over_last[1] - first[1] - over_first[1]);
+        const double over = copysign(1 / sqrt(x * x + y * y), along);
+        r->present[2 * f] = -y * over, r->present[2 * f + 1] = x * over;
+    }
+}
+
 // -- strength --------------------------------------------------------------------------------------------------------
 
 // Mean of the stresses of both cells on every facet that does not move, its traction; returns how many tied facets it is
@@ -109,18 +125,39 @@ long check(const struct rigid *r, const double *displacement, double *const *sta
 #pragma omp simd
     for (long c = 0; c < cells; c++) {
         double xx = 0, yy = 0, xy = 0;
+#if LARGE_ROTATIONS
+        double yx = 0;
+#endif
         UNROLL for (int k = 0; k < 3; k++) {
             const long at = 2L * r->dof[k * cells + c];
             const double x = displacement[at], y = displacement[at + 1];
             const double along_x = g[2 * k * cells + c], along_y = g[(2 * k + 1) * cells + c];
             xx += along_x * x;
             yy += along_y * y;
+#if LARGE_ROTATIONS
+            xy += along_y * x, yx += along_x * y;
+#else
             xy += along_y * x + along_x * y;
+#endif
         }
+#if LARGE_ROTATIONS  // F = R U: the strain is U - 1, in the frame of the cell
+        const double both = 1 / sqrt((2 + xx + yy) * (2 + xx + yy) + (yx - xy) * (yx - xy));
+        const double cosine = (2 + xx + yy) * both, sine = (yx - xy) * both, of_y = 1 + yy;
+        xx = cosine * (1 + xx) + sine * yx - 1;
+        yy = cosine * of_y - sine * xy - 1;
+        xy = 2 * (cosine * xy + sine * of_y);
+#endif
         const double *stiffness = r->stiffness + 6 * r->body[c];
         stress_xx[c] = stiffness[0] * xx + stiffness[1] * yy + stiffness[2] * xy;
         stress_yy[c] = stiffness[1] * xx + stiffness[3] * yy + stiffness[4] * xy;
         stress_xy[c] = stiffness[2] * xx + stiffness[4] * yy + stiffness[5] * xy;
+#if LARGE_ROTATIONS  // R S R'
+        const double mean = 0.5 * (stress_xx[c] + stress_yy[c]), half = 0.5 * (stress_xx[c] - stress_yy[c]);
+        const double cosine_2 = cosine * cosine - sine * sine, sine_2 = 2 * cosine * sine;
+        const double turned = cosine_2 * half - sine_2 * stress_xy[c];
+        stress_xy[c] = sine_2 * half + cosine_2 * stress_xy[c];
+        stress_xx[c] = mean + turned, stress_yy[c] = mean - turned;
+#endif
 #if PRELOADED
         stress_xx[c] += r->initial[0], stress_yy[c] += r->initial[1], stress_xy[c] += r->initial[2];
 #endif
@@ -133,7 +170,7 @@ long check(const struct rigid *r, const double *displacement, double *const *sta
 #pragma omp simd reduction(| : look)
         for (long f = first; f < end; f++) {
             const int a = r->cell[2 * f], b = r->cell[2 * f + 1];
-            const double nx = r->normal[2 * f], ny = r->normal[2 * f + 1];
+            const double nx = r->present[2 * f], ny = r->present[2 * f + 1];
             const double xx = 0.5 * (stress_xx[a] + stress_xx[b]), yy = 0.5 * (stress_yy[a] + stress_yy[b]);
             const double xy = 0.5 * (stress_xy[a] + stress_xy[b]);
             const double x = xx * nx + xy * ny, y = xy * nx + yy * ny;
@@ -181,7 +218,7 @@ static void begin(const struct rigid *r, struct end *end, double since, const do
     const int minus = r->corner[4 * f + l % 2], plus = r->corner[4 * f + 2 + l % 2];
     const double x = displacement[2 * plus] - displacement[2 * minus];
     const double y = displacement[2 * plus + 1] - displacement[2 * minus + 1];
-    end->nx = r->normal[2 * f], end->ny = r->normal[2 * f + 1], end->weight = r->weight[f];
+    end->nx = r->present[2 * f], end->ny = r->present[2 * f + 1], end->weight = r->weight[f];
     end->law = &LAWS[r->group[f]], end->number = r->number + r->first_number[r->group[f]];
     end->open = x * end->nx + y * end->ny;
     end->slip = x * end->ny - y * end->nx;
@@ -232,7 +269,7 @@ static void vertex(const struct rigid *r, long v, double dt, double kick, double
     }
     for (int e = r->ends_start[v]; e < r->ends_start[v + 1]; e++) {
         const int minus = piece[r->place[2 * e]], plus = piece[r->place[2 * e + 1]];
-        if (minus == plus) continue;
+        if (minus == plus || !(r->weight[r->ends[e] / 2] > 0)) continue;  // tied, or left to collision contact
         struct end *end = ends + patch.count++;
         end->at = r->ends[e], end->minus = minus, end->plus = plus;
         begin(r, end, since, displacement, state);

@@ -22,5 +22,6 @@ struct rigid {
     int *leader, *split, *inserted, *left;
     const double *normal, *weight, *owned, *number, *strength, *gradient, *stiffness, *mass;
     const double *initial;  // uniform initial stress xx, yy, xy, where PRELOADED
-    double *stress;
+    const double *along;    // length of facets, with the sign of its sense along the tangent
+    double *stress, *present;  // of cells; normals at the beginning of the step, those of the mesh without large rotations
 };

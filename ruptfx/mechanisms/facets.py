@@ -45,7 +45,7 @@ class Facets(Mechanism):
         self.cracks = model.cracks
 
     def begin(self, state: State) -> None:
-        state.cracks = self.cracks.initial_state()
+        state.cracks |= self.cracks.initial_state()
 
     def add_energies(self, state: State, energies: dict[str, float]) -> None:
         before = 0.5 * state.lag * state.velocity

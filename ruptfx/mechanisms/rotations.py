@@ -29,9 +29,17 @@ class LargeRotations(Mechanism):
     def present(cls, model: System) -> bool:
         return model.bulk.large_rotations
 
+    @property
+    def _has_springs(self) -> bool:
+        """Return whether facets exert forces as cells do; others change velocities, and balance their work."""
+        return self.model.cracks is not None and not self.model.cracks.ties_corners
+
     def close_energies(self, state: State, energies: dict[str, float]) -> None:
         # By how much the work of the forces of cells, facets and supports exceeds what these store.
-        stored = energies["strain"] + energies["interface_elastic"]
+        stored = energies["strain"]
+        if self._has_springs:
+            assert self.model.cracks is not None
+            stored += self.model.cracks.stored(state.cracks, 0.5 * state.lag * state.velocity, state.at_faults()[1])
         force = state.fields.get(OF_BODIES)
         over = 0.0 if force is None else self.model.layout.owned_dot(force, state.velocity)
         energies["rotation_error"] = state.energy["rotation_error"] - stored - 0.5 * state.lag * over
@@ -49,6 +57,7 @@ class LargeRotations(Mechanism):
             state.energy["rotation_error"] -= kick.clock.since * model.layout.owned_dot(mean, state.velocity)
         else:
             state.energy["rotation_error"] += model.strain_energy(state.displacement)
-            if model.cracks is not None:
+            if self._has_springs:
+                assert model.cracks is not None
                 state.energy["rotation_error"] += model.cracks.stored(state.cracks, 0 * force, state.displacement)
         state.fields[OF_BODIES] = force

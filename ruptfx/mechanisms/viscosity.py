@@ -27,6 +27,7 @@ class KelvinVoigt(Mechanism):
         super().__init__(model)
         assert model.viscosity is not None
         self._viscosity, self._force = model.viscosity, np.zeros(len(model.mass))
+        self._before = np.zeros(0)  # velocity before the kick, where elements of its own exert the damping
         operator = model.operator
         if self._viscosity.everywhere and isinstance(operator, FusedOperator) and operator.damps:
             self.damped = Damped(self._viscosity.eta, self._force, np.zeros(1))
@@ -58,6 +59,7 @@ class KelvinVoigt(Mechanism):
 
     def _add(self, state: State) -> None:
         force, here = self._force, self._here
+        self._before = state.velocity[here].copy()
         force[here] = 0
         self._viscosity.add_force(state.displacement, state.velocity, force)
         force[here] *= self._viscosity.eta
@@ -73,10 +75,12 @@ class KelvinVoigt(Mechanism):
         return [(self._here, self._force[self._here].copy())]
 
     def account(self, state: State, kick: Kick) -> None:
-        only = self._stepped.only
-        here, among = (self._here, self._among) if only is None else (only, only)
-        mean = 0.5 * (self._stepped.velocity_before[among] + state.velocity[here])
-        lost = -float(self._force[here] @ mean)
+        here, before = self._here, self._before
+        if self.damped is not None:
+            only = self._stepped.only
+            here, among = (here, self._among) if only is None else (only, only)
+            before = self._stepped.velocity_before[among]
+        lost = -float(self._force[here] @ (0.5 * (before + state.velocity[here])))
         if self.damped is not None:
             lost += float(self.damped.lost[0])
             self.damped.lost[:] = 0

@@ -17,7 +17,6 @@ from ruptfx.boundaries import Boundary
 from ruptfx.case import Case, Damping, FaultCase
 from ruptfx.cohesion.linear import Linear
 from ruptfx.contact.compliant import Compliant
-from ruptfx.cracks.intrinsic import Intrinsic
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.materials import Plane
 from ruptfx.nucleation import Nucleation
@@ -148,8 +147,9 @@ def features() -> Iterator[Feature]:
         yield Feature(f"fracture {kind} beside an interface", {**INTERFACE, "fracture": way}, ("fracture",))
     yield _alone("large rotations", "large_rotations", Case)
     for kind, collisions in alternatives("ruptfx.collisions").items():
-        parts: dict[str, type[Part]] = {"collisions": collisions, "fracture": Intrinsic, "large_rotations": Case}
-        yield Feature(f"collisions {kind}", parts, ("collisions", "large_rotations"))
+        for facets, fracture in alternatives("ruptfx.cracks").items():
+            parts: dict[str, type[Part]] = {"collisions": collisions, "fracture": fracture, "large_rotations": Case}
+            yield Feature(f"collisions {kind} of {facets} facets", parts, ("collisions", "fracture", "large_rotations"))
 
 
 def _alone(name: str, key: str, cls: type[Part]) -> Feature:

@@ -23,7 +23,7 @@ from ruptfx.mechanisms._check_table import Plan
 from ruptfx.model import Model
 from ruptfx.platform import parallel
 from ruptfx.record import Record
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.schema import CaseError, alternatives, unit_of
 from ruptfx.spectrum import highest_frequency, springs_of
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
@@ -114,9 +114,10 @@ def test_the_same_on_any_ranks(kind: str) -> None:
 @every_attachment
 def test_the_stable_step_respects_it(kind: str) -> None:
     """Springs a thousand times stiffer than the example do not blow up at the step that is chosen for them."""
-    given = example(kind)
-    stiff = {key: 1e3 * value for key, value in given.items() if key in ("normal", "tangential", "mass")}
-    stiff |= {"frequency": 2e7} if "frequency" in given else {}
+    given, cls = example(kind), ATTACHMENTS[kind]
+    units = {name: unit_of(cls, name) for name in given if name in cls.model_fields}
+    stiff = {name: 1e3 * given[name] for name, unit in units.items() if unit in ("Pa/m", "kg/m2")}
+    stiff |= {name: 2e7 for name, unit in units.items() if unit == "1/s"}
     if not stiff:
         pytest.skip("has neither stiffness nor frequency")
     model, motion, state = march(attached(kind, {"attachments": [{**given, **stiff}], "duration": 3e-6}))

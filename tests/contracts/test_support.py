@@ -182,7 +182,9 @@ def test_the_table_says_what_cases_are_refused() -> None:
         assert judged(beside, "contact", method) == accepted[f"{kind} beside {method}"], f"{kind}, {method}"
     for stepper in STEPPERS:
         assert judged("large rotations", "stepper", stepper) == accepted[f"intrinsic, {stepper}, turning"]
-        assert judged("collisions potential", "stepper", stepper) == accepted[f"intrinsic, {stepper}, meeting"]
+        for kind in alternatives("ruptfx.cracks"):
+            meeting = f"collisions potential of {kind} facets"
+            assert judged(meeting, "stepper", stepper) == accepted[f"{kind}, {stepper}, meeting"]
     assert seen == {True, False}
 
 
