@@ -12,11 +12,13 @@ pytest.importorskip("dolfinx")
 
 from benchmarks.collisions import NEVER, Flight, pair
 from ruptfx.case import parse_case
+from ruptfx.check_law.examples import table
 from ruptfx.checks.preflight import preflight
-from ruptfx.collisions._step import MEMORY, _Law
+from ruptfx.collisions._step import MEMORY, _coefficient, _Law
+from ruptfx.friction import FrictionLaw
 from ruptfx.friction.velocity_weakening import VelocityWeakening
 from ruptfx.model import Model
-from ruptfx.schema import CaseError
+from ruptfx.schema import CaseError, alternatives
 
 pytestmark = pytest.mark.fem
 
@@ -88,6 +90,36 @@ def test_weakening_friction_has_the_strength_at_the_rate_of_the_cells() -> None:
         assert (stiffness * since < -2 * slope) == is_soft
         assert np.ptp(found[-50:]) < 1e-12  # their way is inclined to the force by half a degree
         assert -found[-1] == pytest.approx(0.2 + 0.4 * np.exp(-1.0), rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", FRICTION := alternatives("ruptfx.friction"))
+def test_cells_rub_with_the_strength_of_every_law(kind: str) -> None:
+    """After 3 mm at 5 m/s: that of the law, advanced with the same rate and force, or a refusal that names another."""
+    given = {"fracture.default.friction": {"kind": kind, **table(FRICTION[kind])}}
+    law: FrictionLaw = parse_case(meeting_blocks(given)).fracture.default.friction
+    try:
+        coefficient = _coefficient(law, "stone-plate")
+    except CaseError as refused:
+        assert str(refused).endswith("use 'coulomb'")
+        with pytest.raises(CaseError, match="friction"):
+            Model(parse_case(meeting_blocks(given)))
+        return
+    step, rate, since, edge, depth = _Law(None if coefficient is not None else law), 5.0, 2e-7, 1e-3, 2e-5
+    corners = [0, 0, 1, 0, 0.5, 1], [0.2, depth / edge, 0.7, depth / edge - 1, 1.2, depth / edge]
+    cells = edge * np.array(corners)
+    memory = {name: np.full(1, step.initial.get(name, 0.0)) for name in (*MEMORY, *step.names)}
+    state, load, force = law.initial_state(*np.zeros((3, 1))), np.zeros(1), np.zeros((2, 6))
+    moved = np.array([[rate * since, 0.0] * 3, [0.0] * 6])
+    for _ in range(3000):
+        force[:] = 0
+        of_pair = np.full(1, 1e10), np.full(1, 1.0 if coefficient is None else coefficient), np.ones(1)
+        sums = memory["overlap"], memory["traction"], force, np.zeros(1), np.zeros(1)
+        step((np.array([[0, 1]], dtype=np.int32), cells, moved, np.full(2, edge**2), *of_pair, *sums), since, memory)
+        whole = np.hypot(*force[0].reshape(3, 2).sum(axis=0))
+        load = memory.get("pressure", np.array([whole / np.sqrt(1 + (coefficient or 0.0) ** 2)]))
+        state = law.advance(state, np.full(1, rate), load, since)
+    expected = law.strength(np.full(1, rate), load, state)
+    np.testing.assert_allclose(-memory["traction"] / load, expected / load, rtol=5e-3, atol=1e-6)
 
 
 def test_a_damped_block_slides_with_the_strength_of_weakening_friction(monkeypatch: pytest.MonkeyPatch) -> None:

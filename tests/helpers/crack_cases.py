@@ -93,5 +93,19 @@ def faulted(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(table, changes or {})
 
 
+def beside_branches(kind: str, contact: dict[str, Any]) -> dict[str, Any]:
+    """Changes of `branched` after which facets beside the fault and its branch break within 5 us."""
+    patch = {"kind": "boxcar", "inside": 0.9e6, "outside": 0.0, "center": -4e-3, "half_width": 2e-3}
+    stress = {"tensor": [-9e6, -9e6, 5e6]}
+    return {
+        "plugins": [str(HERE / "crack_meshes.py")], "order": 1, "duration": 5e-6, "stepper": {"kind": "leapfrog"},
+        "mesh.kind": "branched_triangles", "mesh.element_size": 0.5e-3, "mesh.growth": 1.3,
+        "faults.main.nucleation": [{"kind": "overstress", "extra": patch}],
+        **{f"faults.{name}.initial_stress": stress for name in ("main", "branch")},
+        **{f"faults.{name}.contact": contact for name in ("main", "branch")},
+        "fracture": {"kind": kind, "unresolved": True, "default": {"cohesion": BRITTLE, "friction": RUBS}},
+    }  # fmt: skip
+
+
 def case(changes: dict[str, Any] | None = None) -> Case:
     return parse_case(block(changes), HERE)

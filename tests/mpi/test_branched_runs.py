@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.crack_cases import SOFT, beside_branches
 from helpers.small_cases import branched
 
 pytest.importorskip("dolfinx")
@@ -52,7 +53,10 @@ def run(table: dict[str, Any], comm: fem.MPI.Comm, steps: int) -> tuple[list[np.
     return found, motion.energies(state)
 
 
-@pytest.mark.parametrize("changes, steps", [({}, 500), (SURFACE, 350)], ids=["2D", "3D"])
+@pytest.mark.parametrize("changes, steps", [
+    ({}, 500), (SURFACE, 350), (beside_branches("intrinsic", {"kind": "split_node"}), 290),
+    (beside_branches("extrinsic", SOFT), 196),
+], ids=["2D", "3D", "2D, intrinsic facets", "2D, extrinsic facets"])  # fmt: skip
 def test_the_same_as_on_one_rank(changes: dict[str, Any], steps: int) -> None:
     alone, energy = run(branched(changes), fem.MPI.COMM_SELF, steps)
     together, same = run(branched(changes), COMM, steps)
@@ -61,3 +65,4 @@ def test_the_same_as_on_one_rank(changes: dict[str, Any], steps: int) -> None:
     size = max(map(abs, energy.values()))
     assert all(abs(same[name] - energy[name]) < 1e-10 * size for name in energy)
     assert energy["frictional_dissipation"] > 0.1 * size
+    assert (energy["fracture"] > 0) == ("fracture" in changes)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.crack_cases import BRITTLE, HERE, NEVER, RUBS, SOFT, faulted
+from helpers.crack_cases import BRITTLE, HERE, NEVER, RUBS, SOFT, beside_branches, faulted
 from helpers.small_cases import branched, march
 
 pytest.importorskip("dolfinx")
@@ -134,17 +134,7 @@ def test_facets_that_slide_from_the_start_close_the_budget() -> None:
 @pytest.mark.parametrize("kind, contact", [("intrinsic", {"kind": "split_node"}), ("extrinsic", SOFT)])
 def test_a_branched_fault_breaks_facets_without_loss_of_energy(kind: str, contact: dict[str, Any]) -> None:
     """A rupture that goes on along a branch, beside facets that break on both."""
-    patch = {"kind": "boxcar", "inside": 0.9e6, "outside": 0.0, "center": -4e-3, "half_width": 2e-3}
-    stress = {"tensor": [-9e6, -9e6, 5e6]}
-    table = branched({
-        "plugins": [str(HERE / "crack_meshes.py")], "order": 1, "duration": 5e-6, "stepper": {"kind": "leapfrog"},
-        "mesh.kind": "branched_triangles", "mesh.element_size": 0.5e-3, "mesh.growth": 1.3,
-        "faults.main.nucleation": [{"kind": "overstress", "extra": patch}],
-        **{f"faults.{name}.initial_stress": stress for name in ("main", "branch")},
-        **{f"faults.{name}.contact": contact for name in ("main", "branch")},
-        "fracture": {"kind": kind, "unresolved": True, "default": {"cohesion": BRITTLE, "friction": RUBS}},
-    })  # fmt: skip
-    _, motion, state = march(parse_case(table, HERE))
+    _, motion, state = march(parse_case(branched(beside_branches(kind, contact)), HERE))
     energy = motion.energies(state)
     lost = 2 * energy["boundary_work"] - sum(energy.values())
     assert abs(lost) < 1e-12 * energy["boundary_work"]
