@@ -254,7 +254,7 @@ class Objective:
 
 def gradient(
     case: Case, objective: Sequence[Misfit] | Misfit | None = None, unknowns: Sequence[Unknown | str] = (),
-    comm: fem.MPI.Comm | None = None, progress: bool = True, memory: float = LARGEST,
+    comm: fem.MPI.Comm | None = None, progress: bool = True, memory: float = LARGEST, check: bool = False,
 ) -> xarray.Dataset:  # fmt: skip
     """Return the objective of a case and its exact gradient; one run forward and one sweep backward; collective.
 
@@ -273,6 +273,9 @@ def gradient(
     memory : float
         Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes]; what does not fit is
         computed again from the checkpoints, with the same result.
+    check : bool
+        Compare with differences of two more runs for each unknown of an interface, changed uniformly by 1e-4 of its
+        value: attributes `by_differences` and `difference_step` beside `uniform_change`.
 
     Returns
     -------
@@ -310,7 +313,13 @@ def gradient(
                 f"unknowns: the objective does not depend on '{each.key}', its gradient is zero at all points; remove "
                 "it, or choose an objective that feels it"
             )
-    return made.dataset(found)
+    dataset = made.dataset(found)
+    if check:
+        from ruptfx.adjoint.comparison import compare
+
+        for other in compare(made, found):
+            dataset[other.key].attrs |= {"by_differences": other.by_differences, "difference_step": other.change}
+    return dataset
 
 
 def refuse(model: Model) -> None:

@@ -21,8 +21,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="No progress, no table.")]
 
 
 def case_on_ranks(
-    command: str, case: Path, ranks: int, out: Path, overrides: Sequence[str], memory: float, quiet: bool
-) -> Case:
+    command: str, case: Path, ranks: int, out: Path, overrides: Sequence[str], memory: float, quiet: bool,
+    flags: Sequence[str] = (),
+) -> Case:  # fmt: skip
     """Return the case, where the command is to go on in this process; start it on several ranks and exit otherwise.
 
     Raises
@@ -43,6 +44,7 @@ def case_on_ranks(
     if ranks == 1 or launch.RANKS in os.environ:
         return parsed
     options = [item for value in overrides for item in ("--set", value)] + ["--quiet"] * quiet
+    options += flags
     if not quiet:
         errors.print(f"starting {ranks} ranks")
     with reported():

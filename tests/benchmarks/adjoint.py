@@ -351,11 +351,12 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 def _draw(remainders: Remainders) -> Figure:
     from ruptfx.figure_style import new_figure
 
-    figure, ((ax,),) = new_figure(1, 1, 3.0, 4.5)
+    figure, ((ax,),) = new_figure(1, 1, 3.0, 6.0)
     for kind, values in remainders.found.items():
-        ax.loglog(SIZES, values, "o-", ms=3, lw=1, label=kind)
+        line = "o-" if kind in KINDS else "s--"
+        ax.loglog(SIZES, values, line, ms=3, lw=1, label=kind if kind in KINDS else f"bodies: {kind}")
     first = max(float(values[0]) for values in remainders.found.values())
     ax.loglog(SIZES, 2 * first * (np.array(SIZES) / SIZES[0]) ** 2, "k:", lw=1, label="second order")
-    ax.set(xlabel="size of the change", ylabel="Taylor's remainder over the slope")
-    ax.legend(frameon=False, fontsize="x-small")
+    ax.set(xlabel="Size of the change", ylabel="Taylor's remainder over the slope")
+    ax.legend(frameon=False, fontsize="x-small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure

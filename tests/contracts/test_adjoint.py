@@ -363,6 +363,7 @@ def test_schedules_keep_to_the_memory() -> None:
     assert "4 checkpoints" in schedule(1000, 1.0, 30.0, 250.0).text
 
 
+COHESION = {"kind": "linear", "f_t": 1e6, "c": 1e6, "G_Ic": 10.0, "G_IIc": 10.0}
 STRIKE_SLIP = {"objective": SLIP, "duration": 1e-6}
 
 
@@ -408,6 +409,11 @@ def test_gradients_in_less_memory_are_bitwise_the_same(table: dict[str, Any], pa
     ({"stepper": {"kind": "hybrid"}, "faults.main.contact": COMPLIANT}, "stepper.kind = 'hybrid'"),
     ({"boundaries": [{"kind": "periodic", "first": "lower.left", "second": "lower.right"}]}, "boundaries.0"),
     ({"stages": [{"duration": 14e-6}]}, "stages"),
+    ({"materials.default": {"kind": "maxwell", "young_modulus": 5e9, "poisson_ratio": 0.3, "density": 1200.0,
+                            "relaxation_time": 1e-5}}, "materials.default.kind = 'maxwell'"),
+    ({"attachments": [{"kind": "foundation", "name": "ground", "edge": "lower.bottom", "normal": 1e12,
+                       "tangential": 1e12, "cohesion": COHESION}]}, "attachments"),
+    ({"faults.main.cohesion": COHESION}, "cohesion"),
 ])  # fmt: skip
 def test_a_case_with_an_objective_refuses_what_has_no_adjoint(changes: dict[str, Any], key: str) -> None:
     table = slip_weakening({**RUPTURE, **changes})
@@ -432,6 +438,34 @@ def test_the_command_writes_data_and_a_figure(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "gradient.png").stat().st_size > 5000
     assert (tmp_path / "out" / "case.toml").exists()
     assert found.attrs["forward_runs"] == 1 and "no checkpoints" in found.attrs["history"]
+
+
+def test_differences_agree_where_there_are_no_kinks() -> None:
+    """Ageing law, and an amplitude of nucleation; constants of bodies are left out."""
+    keys = [f"faults.main.{key}" for key in ("friction.D_c", "friction.f_0", "nucleation.0.extra")]
+    found = gradient(bench.rupture(), unknowns=[*keys, "materials.default.density"], progress=False, check=True)
+    for key in keys:
+        about = found[key].attrs
+        assert about["by_differences"] == pytest.approx(about["uniform_change"], rel=1e-3), key
+    assert "by_differences" not in found["materials.default.density"].attrs
+
+
+def test_the_command_names_unknowns_near_kinks(tmp_path: Path) -> None:
+    """With slip weakening points begin to slide a step earlier for 600 Pa more, and the objective has kinks."""
+    from typer.testing import CliRunner
+
+    from ruptfx.cli import app
+
+    path = tmp_path / "case.toml"
+    keys = ["faults.main.initial_stress.shear", "faults.main.friction.D_c"]
+    table = slip_weakening({"duration": 12e-6, "faults.main.contact": SPLIT, "unknowns": [{"key": key} for key in keys],
+                            **velocimeter([18e-3, 2e-3], [1.0, 0.0])})  # fmt: skip
+    path.write_text(tomli_w.dumps(table))
+    said = CliRunner().invoke(app, ["gradient", str(path), "--out", str(tmp_path / "out"), "--check"])
+    assert said.exit_code == 0, said.output
+    text = " ".join(said.output.split())
+    assert "by differences" in text
+    assert f"{keys[0]}: the gradient says" in text and f"{keys[1]}: the gradient says" not in text
 
 
 def test_recorded_runs_are_those_of_the_time_loop(tmp_path: Path) -> None:
