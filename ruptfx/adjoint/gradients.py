@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ruptfx import RuptfxError, fem
 from ruptfx.adjoint.bodies import ConstantChange
+from ruptfx.adjoint.comparison import SIZE, Comparison
 from ruptfx.adjoint.history import LARGEST
 from ruptfx.adjoint.sweeps import Sweeps, Told
-from ruptfx.adjoint.unknowns import Place, chosen
+from ruptfx.adjoint.unknowns import Place, chosen, perturbed
 from ruptfx.case import Case
 from ruptfx.instruments._readings import ModelReadings
 from ruptfx.misfits import Misfit, Request, Trace, Unknown
@@ -315,11 +316,66 @@ def gradient(
             )
     dataset = made.dataset(found)
     if check:
-        from ruptfx.adjoint.comparison import compare
-
         for other in compare(made, found):
             dataset[other.key].attrs |= {"by_differences": other.by_differences, "difference_step": other.change}
     return dataset
+
+
+def compare(made: Objective, derivatives: Sequence[Derivative], size: float = SIZE) -> list[Comparison]:
+    """Return derivatives by uniform changes of unknowns, and central differences; collective.
+
+    Two runs are made for each unknown. Constants of bodies are left out.
+
+    Parameters
+    ----------
+    made : Objective
+        With the run of which the gradient is.
+    derivatives : sequence of Derivative
+    size : float
+        Change over the largest value of the unknown; of an unknown that is zero, over that of the normal stress if it
+        is a stress, else 1 in its unit.
+    """
+    found = []
+    for each in derivatives:
+        place = each.place
+        if place.constant is not None:
+            continue
+        values = []
+        if place.term is not None:
+            number, name = place.term
+            change = size * made.case.duration
+            for sign in (1, -1):
+                terms = list(made.terms)
+                value = float(getattr(terms[number], name)) + sign * change
+                terms[number] = terms[number].substituted({name: value})
+                other = Objective(made.case, terms, made.model.comm, model=made.model, record=False)
+                values.append(other.value)
+        else:
+            change = size * _scale(made, each)
+            points = np.full(len(made.sweeps.points[place.fault].fault.interface.weight), change)
+            for sign in (1, -1):
+                if place.nucleation is not None:
+                    amplitudes = {(place.fault, int(place.key.split(".")[-2])): sign * points}
+                    view = perturbed(made.sweeps.model, {}, amplitudes)
+                else:
+                    rows = {(place.fault, name): sign * part * points for name, part in place.rows}
+                    view = perturbed(made.sweeps.model, rows)
+                other = Objective(made.case, made.terms, made.model.comm, model=view, record=False)
+                values.append(other.value)
+        slope = (values[0] - values[1]) / (2 * change)
+        found.append(Comparison(place.key, place.unit, change, float(each.values.sum()), slope))
+    return found
+
+
+def _scale(made: Objective, derivative: Derivative) -> float:
+    """Return the largest size of an unknown along its interface; collective."""
+    place = derivative.place
+    parameters = made.sweeps.points[place.fault].parameters
+    names = [name for name, _ in place.rows]
+    if place.unit == "Pa":
+        names.append("normal_stress_0")
+    own = [float(np.abs(parameters[name]).max()) for name in names if np.size(parameters[name])]
+    return parallel.largest(made.model.comm, max(own, default=0.0)) or 1.0
 
 
 def refuse(model: Model) -> None:
