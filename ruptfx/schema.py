@@ -312,6 +312,15 @@ class Alternative(Part):
 
     former_kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of the class in the last version."""
+    former_attributes: ClassVar[Mapping[str, str]] = {}
+    """Methods and class attributes of the contract by their names in the last version, which plug-ins may still use."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for former, name in cls.former_attributes.items():
+            if former in vars(cls) and name not in vars(cls):
+                warn_of_former(f"of {cls.__name__} the attribute", former, name)
+                setattr(cls, name, vars(cls)[former])
 
     @classmethod
     def kind(cls) -> str:

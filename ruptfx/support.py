@@ -1,8 +1,8 @@
 """Compatibility of the parts of a case: parts declare capabilities, this module refuses other combinations.
 
-Declarations are class attributes: `Stepper.ways`, `ContactMethod.implicit`, `Boundary.waves` and so on. A rule compares
-the declarations of two or three parts. The remedies of a message are changes of the same case that break no rule: they
-are found by trying them.
+Declarations are class attributes: `Stepper.time_schemes`, `ContactMethod.implicit`, `Boundary.waves` and so on. A rule
+compares the declarations of two or three parts. The remedies of a message are changes of the same case that break no
+rule: they are found by trying them.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ def _cannot(way: str, name: str, method: type[ContactMethod]) -> bool:
 
 def _contact_in_steps(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
-    for way in stepper.ways:
+    for way in stepper.time_schemes:
         yield from _contact(choices, partial(_cannot, way), f"not for {way} steps")
     if not stepper.multipliers:
         yield from _contact(
@@ -234,7 +234,7 @@ def _sliding(choices: Choices) -> Iterator[Refusal]:
     keys = tuple(f"faults.{name}.sliding" for name in sliding)
     if sliding and not stepper.sliding:
         yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
-    if "explicit" in stepper.ways:
+    if "explicit" in stepper.time_schemes:
         def alone(name: str, method: type[ContactMethod]) -> bool:
             sweeps = method.traction_ends_slip or overrides(method, ContactMethod, "sweeps_to")
             return name in sliding and method.explicit and not (sweeps or _replaced(method))
@@ -261,7 +261,7 @@ def _boundaries(choices: Choices) -> Iterator[Refusal]:
     ties = tuple(
         key for key, cls in choices.items() if issubclass(cls, Boundary) and overrides(cls, Boundary, "tied_edges")
     )
-    if ties and not stepper.keeps_ties:
+    if ties and not stepper.supports_ties:
         yield Refusal(ties, f"stepper.kind = '{stepper.kind()}' cannot tie nodes", (("stepper",),), (ties,))
     if ties and "fracture" in choices:
         yield Refusal(ties, "bodies that break cannot be tied", drop=(ties,))
@@ -279,7 +279,7 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
     way = choices.get("fracture")
     if way is not None and not stepper.fracture:
         yield Refusal(("stepper",), "bodies do not break in its steps", (("stepper",),))
-    elif way is not None and "implicit" in stepper.ways:
+    elif way is not None and "implicit" in stepper.time_schemes:
         kind = cast(type[Fracture], way).kind()
         if not cast(type[Fracture], way).implicit:
             reason = f"fracture.kind = '{kind}' inserts facets in explicit steps only"
@@ -314,7 +314,7 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
         return
     for key in keys:
         attachment = cast(type[Attachment], choices[key])
-        if "implicit" in stepper.ways and not attachment.implicit:
+        if "implicit" in stepper.time_schemes and not attachment.implicit:
             yield Refusal((key,), f"acts in explicit steps only, stepper.kind = '{stepper.kind()}' has others",
                           (("stepper",),), ((key,),))  # fmt: skip
         elif stepper.inertia and attachment.inertia and not stepper.newmark:
@@ -324,7 +324,7 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
             yield Refusal((key,), f"has no effect without inertia, as in stepper.kind = '{stepper.kind()}'",
                           (("stepper",),), ((key,),))  # fmt: skip
     sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
-    if keys and sliding and "implicit" in stepper.ways:
+    if keys and sliding and "implicit" in stepper.time_schemes:
         reason = "implicit steps of sliding contact are solved at the interfaces alone"
         yield Refusal(keys, reason, (("stepper",),), (keys, sliding))
 

@@ -30,7 +30,7 @@ class Foundation(EdgeAttachment):
 
     The separation d of edge and ground is the elastic one of the springs and an inelastic one w,
 
-        T = k (d - w) = strength left(D),   D = damage(w_n, w_s),
+        T = k (d - w) = strength remaining(D),   D = damage(w_n, w_s),
 
     solved for the damage at the end of every step. A node that closes again unloads along the secant to the origin; the
     ground always carries pressure by its springs, and no shear where it has failed. Pulling an area off dissipates

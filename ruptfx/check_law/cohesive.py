@@ -33,15 +33,15 @@ def toml(law: CohesiveLaw, seed: int) -> None:
     require(again == law, "a case with this law reads differently than it was written")
 
 
-def left(law: CohesiveLaw, seed: int) -> None:
+def remaining(law: CohesiveLaw, seed: int) -> None:
     """Check that the remaining strength falls from 1 at damage 0 to 0 at damage 1, with the declared area."""
     damage = np.linspace(0, 1, N + 1)
-    found = law.left(damage) + 0 * damage
-    require(np.isfinite(found), "left is not finite", damage=damage)
-    close(found[0], 1.0, 1e-12, "left is not 1 at damage 0")
-    require(abs(found[-1]) <= 1e-12, f"left is {found[-1]:.6g}, not 0, at damage 1")
-    require(np.diff(found) <= 1e-12, "left grows with damage", damage=damage[1:])
-    close(np.trapezoid(found, damage), law.area, 1e-6, "area is not the integral of left")
+    found = law.remaining_fraction(damage) + 0 * damage
+    require(np.isfinite(found), "remaining_fraction is not finite", damage=damage)
+    close(found[0], 1.0, 1e-12, "remaining_fraction is not 1 at damage 0")
+    require(abs(found[-1]) <= 1e-12, f"remaining_fraction is {found[-1]:.6g}, not 0, at damage 1")
+    require(np.diff(found) <= 1e-12, "remaining_fraction grows with damage", damage=damage[1:])
+    close(np.trapezoid(found, damage), law.area, 1e-6, "area is not the integral of remaining_fraction")
 
 
 def fracture_energy(law: CohesiveLaw, seed: int) -> None:
@@ -68,21 +68,22 @@ def damage(law: CohesiveLaw, seed: int) -> None:
 def traced(law: CohesiveLaw, seed: int) -> None:
     """Compare the traced formulas with the methods, and their derivatives with finite differences."""
     x, opening, slip = symbol("damage"), symbol("opening"), symbol("slip")
-    formula: Expression = record(law.left, x)
+    formula: Expression = record(law.remaining_fraction, x)
     value, slope = to_numpy({"left": formula, "slope": derivative(formula, x)}, ["damage"])(at := ANGLES[1:-1] / 1.6)
-    close(value, law.left(at), 1e-12, "traced left differs", damage=at)
+    close(value, law.remaining_fraction(at), 1e-12, "traced remaining_fraction differs", damage=at)
     h = 1e-6
-    differences = (law.left(at + h) - law.left(at - h)) / (2 * h)
+    differences = (law.remaining_fraction(at + h) - law.remaining_fraction(at - h)) / (2 * h)
     near = np.abs(slope + 0 * at - differences) <= 1e-5 * (1 + np.abs(differences))
     # Exclude kinks of the curve between the two points of a difference.
-    require(near.mean() > 0.9, "derivative of left differs", damage=at, found=slope, differences=differences)
+    what = "derivative of remaining_fraction differs"
+    require(near.mean() > 0.9, what, damage=at, found=slope, differences=differences)
     jumps = [np.outer(np.linspace(0.1, 1.4, 9), each) for each in jump_at(law, ANGLES, np.ones_like(ANGLES))]
     (found,) = to_numpy({"damage": record(law.damage, opening, slip)}, ["opening", "slip"])(*jumps)
     close(found, law.damage(*jumps), 1e-12, "traced damage differs", opening=jumps[0], slip=jumps[1])
 
 
 CHECKS: dict[str, Callable[[CohesiveLaw, int], None]] = {
-    "case file": toml, "remaining strength": left, "fracture energy": fracture_energy, "damage": damage,
+    "case file": toml, "remaining strength": remaining, "fracture energy": fracture_energy, "damage": damage,
     "traced derivatives": traced,
 }  # fmt: skip
 
@@ -105,5 +106,5 @@ def straight_path(law: CohesiveLaw, angle: float, longest: float = 1.0) -> tuple
     """
     opening, slip = jump_at(law, angle, np.linspace(0, longest, N + 1))
     damage = law.damage(opening, slip) + 0 * opening
-    left = np.where(damage < 1, law.left(damage), 0.0)
+    left = np.where(damage < 1, law.remaining_fraction(damage), 0.0)
     return damage, float(np.trapezoid(law.f_t * left, opening)), float(np.trapezoid(law.c * left, slip))

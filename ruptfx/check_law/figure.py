@@ -82,7 +82,8 @@ def draw_cohesive(law: CohesiveLaw) -> Figure:
     for ax, (name, label, angle, strength), colour in zip(axes, pure, (STICK_SLIP, STEADY), strict=False):
         jump = jump_at(law, angle, size)
         damage = law.damage(*jump) + 0 * size
-        ax.plot(1e6 * jump[name == "slip"], 1e-6 * strength * np.where(damage < 1, law.left(damage), 0.0), color=colour)
+        remaining = strength * np.where(damage < 1, law.remaining_fraction(damage), 0.0)
+        ax.plot(1e6 * jump[name == "slip"], 1e-6 * remaining, color=colour)
         ax.set(xlabel=f"Inelastic {name} (µm)", ylabel=label, xlim=(0, None), ylim=(0, None))
     works = np.array([straight_path(law, angle, LONGEST)[1:] for angle in ANGLES])
     taken = works @ [1 / law.G_Ic, 1 / law.G_IIc]

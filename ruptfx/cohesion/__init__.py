@@ -1,8 +1,9 @@
 """Cohesive laws, one per file; the file name is the `kind` in a case.
 
-The strength of an interface in addition to friction: tension up to `f_t left(D)` and a cohesion of
-`c left(D)` in shear, where the damage D grows from 0 to 1 with inelastic opening and slip and never falls. A law is its
-formulas, NumPy operations point by point without branches on values; they are traced (`ruptfx.codegen.tracing`) into C.
+The strength of an interface in addition to friction: tension up to `f_t remaining(D)` and a cohesion of `c
+remaining(D)` in shear, where the damage D grows from 0 to 1 with inelastic opening and slip and never falls. A law is
+its formulas, NumPy operations point by point without branches on values; they are traced (`ruptfx.codegen.tracing`)
+into C.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ class CohesiveLaw(Alternative):
     source: ClassVar[str] = ""
     """Source of the formula."""
     area: ClassVar[float]
-    """Integral of `left` from 0 to 1: with strength and fracture energy it determines the jump at failure."""
+    """Integral of `remaining_fraction` from 0 to 1; with strength and fracture energy it determines the jump at
+    failure."""
+    former_attributes: ClassVar[dict[str, str]] = {"left": "remaining_fraction"}
 
     f_t: VaryingPressure
     """Tensile strength; where it and `c` are zero, there is an initial crack."""
@@ -47,11 +50,11 @@ class CohesiveLaw(Alternative):
         """Inelastic slip at failure, G_IIc / (c area) [m]."""
         return self.G_IIc / (self.c * self.area)
 
-    def left_strength(self, damage: np.ndarray) -> np.ndarray:
+    def remaining_cohesion(self, damage: np.ndarray) -> np.ndarray:
         """Return the cohesion (shear strength without friction) at a damage [Pa], shape (n,)."""
-        return np.asarray(self.c * np.where(damage < 1, self.left(damage), 0.0))
+        return np.asarray(self.c * np.where(damage < 1, self.remaining_fraction(damage), 0.0))
 
-    def left(self, damage: Array) -> Array:
+    def remaining_fraction(self, damage: Array) -> Array:
         """Return the remaining fraction of the strength, 1 at damage 0 and 0 at damage 1, decreasing."""
         raise NotImplementedError
 

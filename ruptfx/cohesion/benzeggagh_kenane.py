@@ -14,14 +14,14 @@ from ruptfx.units import Positive
 class BenzeggaghKenane(CohesiveLaw):
     """Linear softening; at constant mode mix the fracture energy is the measured interpolation of both modes."""
 
-    formula = "left = 1 - D, D = (f_t w + c s) / (2 G), G = G_Ic + (G_IIc - G_Ic) B^eta, B = c s / (f_t w + c s)"
+    formula = "remaining = 1 - D, D = (f_t w + c s) / (2 G), G = G_Ic + (G_IIc - G_Ic) B^eta, B = c s / (f_t w + c s)"
     source = "Benzeggagh and Kenane (1996)"
     area: ClassVar[float] = 0.5
 
     eta: Positive = 2.0
     """Exponent of the share of mode II."""
 
-    def left(self, damage: Array) -> Array:
+    def remaining_fraction(self, damage: Array) -> Array:
         return 1.0 - damage
 
     def damage(self, opening: Array, slip: Array) -> Array:

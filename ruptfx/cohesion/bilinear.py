@@ -16,9 +16,9 @@ class Bilinear(CohesiveLaw):
     In openings: one third of the strength at 0.8 G_Ic / f_t, zero at 3.6 G_Ic / f_t.
     """
 
-    formula = "left = max(1 - 3 D, 3/7 (1 - D))"
+    formula = "remaining = max(1 - 3 D, 3/7 (1 - D))"
     source = "Petersson (1981)"
     area: ClassVar[float] = 5 / 18
 
-    def left(self, damage: Array) -> Array:
+    def remaining_fraction(self, damage: Array) -> Array:
         return np.maximum(1.0 - 3.0 * damage, (3 / 7) * (1.0 - damage))

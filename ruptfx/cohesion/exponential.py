@@ -17,9 +17,9 @@ _RATE = -log(_END)
 class Exponential(CohesiveLaw):
     """Strength falls exponentially; the tail is cut at a thousandth, and the curve shifted to end at 0."""
 
-    formula = "left = (exp(-a D) - exp(-a)) / (1 - exp(-a)), a = ln 1000"
+    formula = "remaining = (exp(-a D) - exp(-a)) / (1 - exp(-a)), a = ln 1000"
     source = "after Xu and Needleman (1994), without the rise before the peak"
     area: ClassVar[float] = 1 / _RATE - _END / (1 - _END)
 
-    def left(self, damage: Array) -> Array:
+    def remaining_fraction(self, damage: Array) -> Array:
         return (np.exp(-_RATE * damage) - _END) / (1 - _END)

@@ -11,9 +11,9 @@ from ruptfx.fields import Array
 class Linear(CohesiveLaw):
     """Strength falls linearly with inelastic opening and slip."""
 
-    formula = "left = 1 - D"
+    formula = "remaining = 1 - D"
     source = "Camacho and Ortiz (1996)"
     area: ClassVar[float] = 0.5
 
-    def left(self, damage: Array) -> Array:
+    def remaining_fraction(self, damage: Array) -> Array:
         return 1.0 - damage

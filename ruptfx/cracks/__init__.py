@@ -32,8 +32,8 @@ class CrackLaws(Part):
     cohesion: AnyCohesion | None = None
     """Cohesion of facets until they fail; without it, they are in contact from the start."""
     friction: AnyFriction
-    """Friction of closed facets, in parallel to the cohesion: c left(D) + friction. The state of a law begins to evolve
-    when a facet yields."""
+    """Friction of closed facets, in parallel to the cohesion: c remaining(D) + friction. The state of a law begins to
+    evolve when a facet yields."""
 
 
 Modulus = TypeVar("Modulus", float, np.ndarray)

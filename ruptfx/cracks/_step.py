@@ -602,7 +602,7 @@ def formulas(laws: CrackLaws, rated: bool = False) -> tuple[Table, Table]:
     if laws.cohesion is not None:
         found, cohesion = parameters_as_symbols(laws.cohesion, "c_")
         parameters |= found
-        formulas["LEFT"] = {"left": record(cohesion.left, symbol("damage"))}
+        formulas["LEFT"] = {"left": record(cohesion.remaining_fraction, symbol("damage"))}
         formulas["DAMAGE"] = {"damage": record(cohesion.damage, symbol("opening"), symbol("slip"))}
         macros |= {"TENSILE_STRENGTH": "c_f_t", "COHESION": "c_c"}
     return parameters, macros | {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}

@@ -2,12 +2,12 @@
 
 The largest opening w and the whole slip s give the damage D, and the damage the remaining strength:
 
-    tension <= f_t left(D),   shear strength = c left(D) + friction
+    tension <= f_t remaining(D),   shear strength = c remaining(D) + friction
 
-A point that opens less than before unloads along the secant to the origin, K = f_t left(D) / w, at the end of the
+A point that opens less than before unloads along the secant to the origin, K = f_t remaining(D) / w, at the end of the
 step. With the trial tension t and the carried tension T the opening is compliance (t - T), so that
 
-    T = min(f_t left(D), t S / (S + w / compliance)),   S = f_t left(D),
+    T = min(f_t remaining(D), t S / (S + w / compliance)),   S = f_t remaining(D),
 
 and the steep secant of a new crack cannot reduce the stable time step. Opening and slip are those at the time of
 the traction. Explicit rigid contact knows both before the traction. Where slip ends with the traction (compliant
@@ -16,8 +16,8 @@ traction (`search_damage` in `return_map.c`): the law is the same in steps of an
 beyond theirs.
 
 The work of a traction is split alike at interfaces and facets (`cohesive_share` in `return_map.c`): cohesion dissipates
-its share c left(D) of a shear traction first and friction the rest; of the work of tension the part is stored that the
-secant gives back.
+its share c remaining(D) of a shear traction first and friction the rest; of the work of tension the part is stored that
+the secant gives back.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class TracedCohesion:
     ----------
     parameters : dict of str to float or ndarray
         By the name of their symbols.
-    damage, left : Expression
+    damage, remaining : Expression
         Damage of the symbols `bond_opening` and `bond_slip`; remaining part of the strength of `bond_damage`.
-    damage_by_opening, damage_by_slip, left_slope : Expression
+    damage_by_opening, damage_by_slip, remaining_slope : Expression
         Derivatives of both.
     """
 
@@ -65,14 +65,14 @@ class TracedCohesion:
         self.law = law
         self.parameters, traced = parameters_as_symbols(law, "b_")
         self.damage: Expression = record(traced.damage, symbol("bond_opening"), symbol("bond_slip"))
-        self.left: Expression = record(traced.left, symbol("bond_damage"))
+        self.remaining: Expression = record(traced.remaining_fraction, symbol("bond_damage"))
         self.damage_by_opening, self.damage_by_slip = (
             derivative(self.damage, symbol(name)) for name in ("bond_opening", "bond_slip")
         )
-        self.left_slope: Expression = derivative(self.left, symbol("bond_damage"))
+        self.remaining_slope: Expression = derivative(self.remaining, symbol("bond_damage"))
         given = list(self.parameters)
         self._damage = to_numpy({"damage": self.damage}, ["bond_opening", "bond_slip", *given])
-        self._left = to_numpy({"left": self.left}, ["bond_damage", *given])
+        self._left = to_numpy({"left": self.remaining}, ["bond_damage", *given])
 
     def damage_after(self, before: np.ndarray, opening: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return the damage at the largest opening and the whole slip so far [m], not less than before; shapes (n,)."""

@@ -219,7 +219,7 @@ class Fault:
         shares = []
         for fields in (old, new):
             traction = self.components(fields, "shear_traction")
-            bond, size = law.left_strength(fields["damage"]), np.linalg.norm(traction, axis=1)
+            bond, size = law.remaining_cohesion(fields["damage"]), np.linalg.norm(traction, axis=1)
             shares.append(np.where(size > bond, bond / np.where(size > 0, size, 1.0), 1.0)[:, None] * traction)
         rates = [self.components(fields, "mean_slip_rate") for fields in (old, new)]
         shear = np.asarray(self.contact.dissipated(*shares, *rates)).sum(axis=1) * since

@@ -174,8 +174,8 @@ class PointCode:
         if self._cohesion is not None:
             bond = self._cohesion
             formulas |= {
-                "DAMAGE": {"damage": bond.damage}, "LEFT": {"left": bond.left},
-                "LEFT_SLOPE": {"left_slope": bond.left_slope},
+                "DAMAGE": {"damage": bond.damage}, "LEFT": {"left": bond.remaining},
+                "LEFT_SLOPE": {"left_slope": bond.remaining_slope},
                 "DAMAGE_SLOPES": {"by_opening": bond.damage_by_opening, "by_slip": bond.damage_by_slip},
             }  # fmt: skip
             strengths = {"TENSILE_STRENGTH": "b_f_t", "COHESION": "b_c"}

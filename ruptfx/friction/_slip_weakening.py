@@ -25,7 +25,7 @@ class SlipWeakening(FrictionLaw):
     D_c: VaryingLength
     """Slip-weakening distance."""
 
-    def left(self, ratio: Array) -> Array:
+    def remaining_fraction(self, ratio: Array) -> Array:
         """Return the remaining fraction of the drop after the slip `ratio` D_c, from 1 to 0."""
         raise NotImplementedError
 
@@ -33,7 +33,7 @@ class SlipWeakening(FrictionLaw):
         return {"cumulative_slip": np.zeros_like(normal_stress)}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        left = self.left(state["cumulative_slip"] / self.D_c)
+        left = self.remaining_fraction(state["cumulative_slip"] / self.D_c)
         return (self.mu_d + (self.mu_s - self.mu_d) * left) * normal_stress
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:

@@ -18,5 +18,5 @@ class ExponentialSlipWeakening(SlipWeakening):
     source = "exponential member of the slip-dependent laws of Ida (1972)"
     whole = 1.0
 
-    def left(self, ratio: Array) -> Array:
+    def remaining_fraction(self, ratio: Array) -> Array:
         return np.exp(-ratio)

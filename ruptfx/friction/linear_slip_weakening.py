@@ -15,5 +15,5 @@ class LinearSlipWeakening(SlipWeakening):
     source = "Ida (1972); Andrews (1976)"
     whole = 0.5
 
-    def left(self, ratio: Array) -> Array:
+    def remaining_fraction(self, ratio: Array) -> Array:
         return 1 - np.minimum(ratio, 1.0)

@@ -369,7 +369,7 @@ def _breakdown_rows(
             "with slip than the springs of the contact unload, so that slip jumps within a step; take a stiffer "
             "contact, split_node, or a longer slip weakening", "warning",
         )  # fmt: skip
-    if "explicit" in model.case.stepper.ways and not any(fault.contact.stiffness()) and model.viscosity is None:
+    if "explicit" in model.case.stepper.time_schemes and not any(fault.contact.stiffness()) and model.viscosity is None:
         yield Row(
             f"{label}: damping", "none", "", "split nodes make grid noise behind a sharp front; "
             "damping.kelvin_voigt = { fraction = 0.2 } takes most of it away (Day et al. 2005)", "warning",

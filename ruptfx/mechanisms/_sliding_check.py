@@ -55,7 +55,7 @@ def surface_rows(
         f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; overhanging parts carry no load{away}",
         "warning" if leaves else "ok",
     )  # fmt: skip
-    ways = model.case.stepper.ways
+    ways = model.case.stepper.time_schemes
     if "implicit" in ways:
         note = "longer steps are repeated as two"
         yield Row(f"{label}: largest slip of an implicit step", face.step_limit, "m", note)
@@ -68,8 +68,8 @@ def surface_rows(
 
 def spring_rows(model: System, fault: Fault, stable: float) -> Iterator[Row]:
     """Yield whether springs of a sliding interface are so stiff that bodies chatter."""
-    ways, damping = model.case.stepper.ways, [stage.damping for stage in model.case.stages] + [model.case.damping]
-    if "explicit" not in ways or not any(fault.contact.stiffness()):
+    damping = [stage.damping for stage in model.case.stages] + [model.case.damping]
+    if "explicit" not in model.case.stepper.time_schemes or not any(fault.contact.stiffness()):
         return
     others = [other for other in springs_of(model) if other.text != f"the contact stiffness of faults.{fault.name}"]
     without = stable_time_step(model, others)

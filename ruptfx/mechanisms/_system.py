@@ -72,7 +72,7 @@ class StepperTable(Protocol):
     """Declarations of a stepper."""
 
     @property
-    def ways(self) -> tuple[Way, ...]:
+    def time_schemes(self) -> tuple[Way, ...]:
         """Kinds of its steps."""
 
     @property

@@ -41,7 +41,7 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
         for nucleation in fault.nucleation:
             law = nucleation.weaken(law, position)
         bond = fault.cohesion
-        cohesive = 0.0 if bond is None else bond.at(position).left_strength(data["damage"].isel(time=rows).values)
+        cohesive = 0.0 if bond is None else bond.at(position).remaining_cohesion(data["damage"].isel(time=rows).values)
     except (RuptfxError, TypeError):  # a position given as a point has no scalar coordinate
         return None
     states = law.all_state_fields()

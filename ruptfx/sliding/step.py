@@ -192,7 +192,7 @@ class SlidingStep:
             return 0.0  # it is not in what the points have counted as friction
         assert fault.cohesion is not None
         opening, slip = 0.5 * self.clock.kick * (self._before + self._rate)[:, :n]
-        strength, traction = fault.cohesion.left_strength(state["damage"]), state["shear_traction"]
+        strength, traction = fault.cohesion.remaining_cohesion(state["damage"]), state["shear_traction"]
         size = np.abs(traction)
         share = np.where(size > strength, strength / np.where(size > 0, size, 1.0), 1.0)
         shear = self._sum(share * traction * slip)

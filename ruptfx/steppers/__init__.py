@@ -82,7 +82,9 @@ class StagedMotion(Motion, Protocol):
 class Stepper(Alternative):
     """The contract of a time stepper."""
 
-    ways: ClassVar[tuple[Way, ...]] = ("explicit",)
+    former_attributes: ClassVar[dict[str, str]] = {"ways": "time_schemes", "keeps_ties": "supports_ties"}
+
+    time_schemes: ClassVar[tuple[Way, ...]] = ("explicit",)
     """How interface tractions are computed: from known quantities (explicit), or together with the displacement
     (implicit). The contact method must support all of them."""
     second_order: ClassVar[bool] = True
@@ -94,7 +96,7 @@ class Stepper(Alternative):
     and steps that resolve the loading."""
     why_open: ClassVar[str] = ""
     """Reason for a bound that is larger than rounding and the tolerances of solvers."""
-    keeps_ties: ClassVar[bool] = False
+    supports_ties: ClassVar[bool] = False
     """Whether it gives tied nodes the same motion."""
     inertia: ClassVar[bool] = True
     """Whether it solves the equation of motion; with equilibrium only, parts with `waves` have no effect."""

@@ -40,9 +40,9 @@ class GeneralizedAlpha(Stepper):
     Source: Newmark (1959); Hilber, Hughes and Taylor (1977); Chung and Hulbert (1993).
     """
 
-    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
+    time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
     conserving: ClassVar[dict[str, object] | None] = {"scheme": "average_acceleration"}
-    keeps_ties: ClassVar[bool] = True
+    supports_ties: ClassVar[bool] = True
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "the default scheme damps what its steps do not resolve"
     staged: ClassVar[bool] = True

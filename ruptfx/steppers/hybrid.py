@@ -42,8 +42,8 @@ class Hybrid(Stepper):
     times at which the two balance energy. Every switch is in the log.
     """
 
-    ways: ClassVar[tuple[Way, ...]] = ("explicit", "implicit")
-    keeps_ties: ClassVar[bool] = True
+    time_schemes: ClassVar[tuple[Way, ...]] = ("explicit", "implicit")
+    supports_ties: ClassVar[bool] = True
     closure: ClassVar[float] = 1e-3
     why_open: ClassVar[str] = "explicit steps that start with slip under way balance it half a step later"
     adaptive: ClassVar[bool] = True

@@ -35,7 +35,7 @@ class Leapfrog(Stepper):
 
     conserving: ClassVar[dict[str, object] | None] = {}
 
-    keeps_ties: ClassVar[bool] = True
+    supports_ties: ClassVar[bool] = True
     staged: ClassVar[bool] = True
     fracture: ClassVar[bool] = True
     large_rotations: ClassVar[bool] = True

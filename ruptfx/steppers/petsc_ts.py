@@ -39,7 +39,7 @@ class PetscTs(Stepper):
     `alpha2` computes its acceleration again, so that results agree to the order of the scheme, not bitwise.
     """
 
-    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
+    time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
     second_order: ClassVar[bool] = False
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "its schemes damp, and work is summed from the ends of steps"

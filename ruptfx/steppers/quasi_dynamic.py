@@ -57,8 +57,8 @@ class QuasiDynamic(Stepper):
     Source: Dormand and Prince (1980).
     """
 
-    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
-    keeps_ties: ClassVar[bool] = True
+    time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
+    supports_ties: ClassVar[bool] = True
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
     sliding: ClassVar[bool] = False

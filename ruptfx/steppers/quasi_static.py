@@ -44,8 +44,8 @@ class QuasiStatic(Stepper):
     Source: Rice 1993); `hybrid` computes them.
     """
 
-    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
-    keeps_ties: ClassVar[bool] = True
+    time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
+    supports_ties: ClassVar[bool] = True
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
     staged: ClassVar[bool] = True

@@ -47,7 +47,7 @@ def with_boundary(kind: str, changes: dict[str, Any] | None = None) -> Case:
 def takes(stepper: str, kind: str) -> bool:
     """Return whether the steps can have the boundary: those that keep ties, and those with waves."""
     ties, steps = with_boundary(kind).boundaries[-1].tied_edges is not None, alternatives("ruptfx.steppers")[stepper]
-    return (not ties or steps.keeps_ties) and (not BOUNDARIES[kind].waves or steps.inertia)
+    return (not ties or steps.supports_ties) and (not BOUNDARIES[kind].waves or steps.inertia)
 
 
 def with_steps(*steppers: dict[str, Any]) -> Any:

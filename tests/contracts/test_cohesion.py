@@ -35,7 +35,7 @@ def test_a_law_says_what_it_is(kind: str) -> None:
 @every_law
 def test_all_strength_is_lost_from_the_beginning_to_the_end(kind: str) -> None:
     damage = np.linspace(0, 1, 2001)
-    left = example(kind).left(damage)
+    left = example(kind).remaining_fraction(damage)
     np.testing.assert_allclose(left[[0, -1]], [1, 0], atol=1e-15)
     assert np.all(np.diff(left) <= 1e-15)
 
@@ -43,7 +43,7 @@ def test_all_strength_is_lost_from_the_beginning_to_the_end(kind: str) -> None:
 @every_law
 def test_the_area_is_that_of_the_curve(kind: str) -> None:
     """By an adaptive rule, which halves the pieces with a kink until they no longer count."""
-    found, _ = quad(example(kind).left, 0.0, 1.0, epsabs=1e-14, epsrel=1e-14, limit=200)
+    found, _ = quad(example(kind).remaining_fraction, 0.0, 1.0, epsabs=1e-14, epsrel=1e-14, limit=200)
     assert found == pytest.approx(LAWS[kind].area, rel=1e-12)
 
 
@@ -60,7 +60,7 @@ def test_one_mode_alone_takes_its_fracture_energy(kind: str, seed: int) -> None:
         assert found[0] == 0 and found[-1] == pytest.approx(1, rel=1e-14) and np.all(np.diff(found) > 0)
         assert damage(np.array([2 * end])) == 1  # and no more
         # Trapezoids of a smooth curve between kinks: second order, 1/18000 squared.
-        assert np.trapezoid(strength * law.left(found), inelastic) == pytest.approx(energy, rel=1e-7)
+        assert np.trapezoid(strength * law.remaining_fraction(found), inelastic) == pytest.approx(energy, rel=1e-7)
 
 
 @every_law
@@ -77,7 +77,7 @@ def test_a_mixed_mode_takes_the_energy_of_its_mix() -> None:
     law = LAWS["benzeggagh_kenane"](f_t=2e6, c=4e6, G_Ic=10.0, G_IIc=50.0, eta=2.0)
     opening = np.linspace(0, 4e-5, 100001)
     slip = 0.5 * opening
-    left = law.left(law.damage(opening, slip))
+    left = law.remaining_fraction(law.damage(opening, slip))
     work = np.trapezoid(law.f_t * left, opening) + np.trapezoid(law.c * left, slip)
     assert work == pytest.approx(20.0, rel=1e-8)
 
@@ -112,12 +112,13 @@ def test_mixed_modes_of_the_other_laws_fail_on_a_circle() -> None:
 @every_law
 def test_traced_slopes_are_those_of_the_curve(kind: str) -> None:
     law, damage = example(kind), symbol("damage")
-    left = record(law.left, damage)
+    left = record(law.remaining_fraction, damage)
     traced = to_numpy({"left": left, "slope": derivative(left, damage)}, ["damage"])
     x = np.linspace(0.013, 0.987, 50)  # off the kink
     value, slope = traced(x)
-    np.testing.assert_allclose(value, law.left(x), rtol=1e-14)
-    np.testing.assert_allclose(slope + 0 * x, (law.left(x + 1e-6) - law.left(x - 1e-6)) / 2e-6, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(value, law.remaining_fraction(x), rtol=1e-14)
+    difference = (law.remaining_fraction(x + 1e-6) - law.remaining_fraction(x - 1e-6)) / 2e-6
+    np.testing.assert_allclose(slope + 0 * x, difference, rtol=1e-6, atol=1e-8)
 
 
 @every_law

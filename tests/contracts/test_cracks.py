@@ -131,7 +131,7 @@ def test_proportional_jumps_take_parts_of_both_energies(kind: str, angle: float)
     law = law_of(kind)
     facet, cos, sin = Facet(law), np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     damage = np.concatenate([np.zeros(1000), np.linspace(0, 1, 9 * 500 + 1)])  # the kink of the bilinear law is at 2/9
-    held = np.concatenate([np.linspace(0, 1, 1000), law.left(damage[1000:])]) / facet.stiffness
+    held = np.concatenate([np.linspace(0, 1, 1000), law.remaining_fraction(damage[1000:])]) / facet.stiffness
     openings, slips = damage * cos * law.opening_at_failure, damage * sin * law.slip_at_failure
     facet.follow(openings + law.f_t * held, slips + law.c * held)
     assert np.all(facet.state.cracks["damage"] > 1 - 1e-9) and facet.stored() < 1e-9 * law.G_Ic
@@ -144,7 +144,7 @@ def answer(law: CohesiveLaw, stiffness: float, mu: float, opening: float, slip: 
     """The law of an end with a spring, as `docs/explanation/cracks.md` has it: tractions and new state."""
 
     def at(damage: float) -> dict[str, float]:
-        left = float(law.left(np.array(damage))) if damage < 1 else 0.0
+        left = float(law.remaining_fraction(np.array(damage))) if damage < 1 else 0.0
         loading = opening - law.f_t * left / stiffness
         peak = stiffness * old["largest"]
         secant = opening * peak / (peak + law.f_t * left) if left > 0 else 0.0
@@ -490,7 +490,7 @@ def traction_errors(model: Model, motion: Motion, state: State) -> np.ndarray:
     normal, shear, damage, largest = (
         fields[name][facet, end] for name in ("normal_traction", "shear_traction", "damage", "largest_opening")
     )
-    left = np.where(damage < 1, law.left(damage), 0.0)
+    left = np.where(damage < 1, law.remaining_fraction(damage), 0.0)
     pulled = normal + z[0] * (rate[0] + opened / motion.dt)
     held = law.f_t * left
     secant = held / np.maximum(held + largest * z[0] / motion.dt, 1e-300)

@@ -50,7 +50,7 @@ def with_contacts(schemes: list[dict[str, Any]]) -> list[Any]:
 def fits(stepper: dict[str, Any], contact: dict[str, Any]) -> bool:
     """Whether it is the stepper's own method, which no other one replaces."""
     method = alternatives("ruptfx.contact")[contact["kind"]]
-    return all(getattr(method, way) for way in KINDS[stepper["kind"]].ways)
+    return all(getattr(method, way) for way in KINDS[stepper["kind"]].time_schemes)
 
 
 # Implicit steps as short as explicit ones, so that the same happens.
@@ -144,7 +144,7 @@ def test_second_order_in_time(stepper: dict[str, Any], contact: dict[str, Any]) 
     """Stuck interface, driven, loaded, absorbing and damped; the solution of the ODE is smooth for t > 0."""
     duration = 2e-6
     finals = []
-    for steps in (60, 120, 240) if "explicit" in KINDS[stepper["kind"]].ways else (30, 60, 120):
+    for steps in (60, 120, 240) if "explicit" in KINDS[stepper["kind"]].time_schemes else (30, 60, 120):
         smooth = case({
             "order": 2, "duration": duration, "boundaries": EVERYTHING, "damping": {"mass": 2e5},
             "faults.main.contact": contact, "stepper": {**stepper, "time_step": duration / steps},

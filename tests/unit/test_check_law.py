@@ -88,20 +88,21 @@ from ruptfx.cohesion import CohesiveLaw
 class Parabola(CohesiveLaw):
     """Softening along a parabola."""
 
-    formula, source = "left = (1 - D)^2", "none"
+    formula, source = "remaining = (1 - D)^2", "none"
     area = 1 / 3
 
-    def left(self, damage):
+    def remaining_fraction(self, damage):
         return (1.0 - damage) ** 2
 '''
 
 
 @pytest.mark.parametrize("old, new, check, message", [
     ("", "", None, ""),
-    ("area = 1 / 3", "area = 0.5", "remaining strength", "area is not the integral of left"),
-    ("(1.0 - damage) ** 2", "(1.0 - damage) ** 2 + 0.1", "remaining strength", "left is not 1 at damage 0"),
+    ("area = 1 / 3", "area = 0.5", "remaining strength", "area is not the integral of remaining_fraction"),
+    ("(1.0 - damage) ** 2", "(1.0 - damage) ** 2 + 0.1", "remaining strength",
+     "remaining_fraction is not 1 at damage 0"),
     ("(1.0 - damage) ** 2", "1.0 - damage * (1 + 0.5 * isinstance(damage, np.ndarray))", "traced derivatives",
-     "traced left differs"),
+     "traced remaining_fraction differs"),
     ("    area", "    def damage(self, opening, slip):\n        return opening / self.opening_at_failure\n\n    area",
      "fracture energy", "damage at the slip of failure"),
     ('"none"', '""', "required attributes", "source"),

@@ -9,6 +9,7 @@ import tomllib
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.crack_cases import block
 from helpers.messages import facts, says
@@ -17,6 +18,7 @@ from pydantic import ValidationError
 
 from ruptfx import RuptfxError
 from ruptfx.case import FOLDERS, parse_case
+from ruptfx.cohesion import CohesiveLaw
 from ruptfx.commands._shared import reported
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
@@ -126,6 +128,19 @@ def test_former_kinds_are_read_with_a_note(former: str, kind: str) -> None:
     assert case.fracture.kind() == kind and f'kind = "{kind}"' in case.to_toml()
     with warnings.catch_warnings(action="error"):
         assert parse_case(block({"fracture.kind": kind})).hash == case.hash
+
+
+def test_former_attributes_of_plug_ins_are_read_with_a_note() -> None:
+    with pytest.warns(FormerName, match=facts("'left'.*'remaining_fraction'")):
+
+        class Falling(CohesiveLaw):
+            area = 0.5
+
+            def left(self, damage: np.ndarray) -> np.ndarray:
+                return 1 - damage
+
+    law = Falling(f_t=2.0, c=4.0, G_Ic=1.0, G_IIc=1.0)
+    assert law.remaining_cohesion(np.array([0.0, 0.25, 1.0])).tolist() == [4.0, 3.0, 0.0]
 
 
 def test_commands_show_a_former_name_once(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,7 +60,7 @@ def test_a_short_bar_is_torn_along_its_law(way: str, kind: str) -> None:
             found.append([row["upper.top.displacement_y"], force / WIDTH])
     moved, stress = np.array(found).T
     damage = np.linspace(0, 1, 20001)
-    held = np.array(law.f_t * law.left(damage))
+    held = np.array(law.f_t * law.remaining_fraction(damage))
     known = np.interp(moved, [0, *(damage * END + held * LENGTH / YOUNG)], [0, *held])
     assert np.abs(stress - known).max() < 5e-3 * STRENGTH
     energy, whole = motion.energies(state), law.G_Ic * WIDTH
