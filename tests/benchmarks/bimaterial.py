@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._cases import table_of
 from ruptfx import Table
 from ruptfx.analysis import fracture
 from ruptfx.bench import Check, Outcome
@@ -24,35 +25,21 @@ if TYPE_CHECKING:
 
     from ruptfx.fem import MPI
 
-LENGTH, HEIGHT = 16e-3, 5e-3
-PATCH = 0.32e-3  # m
-SIGMA, FRICTION, LOAD = 5e6, 1.0, 0.95
-COULOMB = {"kind": "coulomb", "mu_d": FRICTION}
-MEMORY = {"kind": "prakash_clifton", "law": COULOMB, "L_p": 2e-7}
+TABLE = table_of("bimaterial")
+SIGMA = TABLE["faults"]["main"]["initial_stress"]["normal"]
+PATCH = TABLE["faults"]["main"]["nucleation"]["half_width"]  # m
+MEMORY = TABLE["faults"]["main"]["friction"]
+COULOMB = MEMORY["law"]
+FRICTION = COULOMB["mu_d"]
 SLOWER = -1  # slip = u(plus) - u(minus): with positive shear the lower, slower body slides to the left
-
-
-def body(young_modulus: float) -> Table:
-    """Return the material table of a body."""
-    return {"kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": 0.25, "density": 1246.0}
 
 
 def case(spacing: float, law: Table, duration: float = 5.5e-6) -> Table:
     """Return the case with nodes `spacing` [m] apart."""
-    edges = [f"upper.{side}" for side in ("left", "right", "top")] + [f"lower.{s}" for s in ("left", "right", "bottom")]
-    return {
-        "plane": "strain", "order": 4, "duration": duration, "positions": "x",
-        "mesh": {
-            "kind": "two_plates", "length": LENGTH, "height": HEIGHT, "element_size": 4 * spacing, "left": -LENGTH / 2,
-        },
-        "materials": {"upper": body(5.3e9), "lower": body(3.392e9)}, "damping": {"kelvin_voigt": {"fraction": 0.1}},
-        "faults": {"main": {
-            "contact": {"kind": "split_node"}, "friction": law,
-            "initial_stress": {"normal": SIGMA, "shear": LOAD * FRICTION * SIGMA},
-            "nucleation": {"kind": "friction_drop", "center": 0.0, "half_width": PATCH, "mu_d": 0.0},
-        }},
-        "boundaries": [{"kind": "absorbing", "edge": edge} for edge in edges],
-    }  # fmt: skip
+    table = table_of("bimaterial")
+    table["mesh"]["element_size"] = 4 * spacing
+    table["faults"]["main"]["friction"] = law
+    return {**table, "duration": duration}
 
 
 def generalized_rayleigh(result: Rupture) -> float:

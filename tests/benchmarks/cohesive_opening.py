@@ -60,7 +60,7 @@ def exact(kind: str) -> np.ndarray:
     end, impedance = law.opening_at_failure, DENSITY * SPEED
 
     def rate(t: float, opening: np.ndarray) -> np.ndarray:
-        left = law.left(np.minimum(opening / end, 1.0))
+        left = law.remaining_fraction(np.minimum(opening / end, 1.0))
         return np.asarray(2 / impedance * (law.f_t * (1 - left) + YOUNG * STRAIN_RATE * t))
 
     def reached(part: float) -> object:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._cases import case_of, table_of
 from ruptfx.bench import Check, Outcome
-from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.recording.edge_sums import EdgeSums
 
@@ -27,47 +27,20 @@ if TYPE_CHECKING:
 
     from ruptfx.fem import MPI
 
-YOUNG, ENERGY = 3e9, 100.0  # Pa, J/m2
-HEIGHT, CUT, LENGTH = 10e-3, 30e-3, 70e-3  # m: of an arm; of the first crack; of the beam
-STRENGTH = 10e6  # Pa; with it E G / f_t^2 is 3 mm
+TABLE = table_of("double_cantilever")
+YOUNG = TABLE["materials"]["default"]["young_modulus"]
+COHESION = TABLE["faults"]["main"]["cohesion"]
+ENERGY, CUT = COHESION["G_Ic"], COHESION["f_t"]["half_width"]  # with the strength E G / f_t^2 is 3 mm
+HEIGHT = TABLE["mesh"]["height"]  # m, of an arm
 FOUNDATION = 0.64 * HEIGHT
-SPEED, SETTLED, END = 0.08, 1e-3, 8.5e-3  # m/s of either end; s of its ramp, and of the whole
 SAMPLES = 500
 BEGUN, UNTIL = CUT + 4e-3, 50e-3  # m: range of crack lengths that is evaluated
 SOURCE = "beam theory, Kanninen (1973)"
 
 
-def case_of(size: float) -> Case:
-    """Return the case with elements of a size [m]."""
-    return Case.model_validate({
-        "plane": "stress", "order": 4, "duration": END,
-        "mesh": {
-            "kind": "two_plates", "length": LENGTH, "height": HEIGHT, "element_size": size, "growth": 1.3,
-        },
-        "materials": {"default": {
-            "kind": "isotropic_elastic", "young_modulus": YOUNG, "poisson_ratio": 0.35, "density": 1200.0,
-        }},
-        "damping": {"mass": 500.0, "kelvin_voigt": {"fraction": 0.1}},
-        "faults": {"main": {
-            "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 0.5},
-            "initial_stress": {"normal": 0.0},
-            "cohesion": {
-                "kind": "linear", "G_Ic": ENERGY, "G_IIc": ENERGY,
-                **{name: {
-                    "kind": "boxcar", "inside": 0.0, "outside": STRENGTH, "center": 0.0, "half_width": CUT,
-                } for name in ("f_t", "c")},
-            },
-        }},
-        "boundaries": [
-            {"kind": "driven", "edge": edge, "component": "y", "velocity": speed, "ramp": SETTLED}
-            for edge, speed in (("upper.left", SPEED), ("lower.left", -SPEED))
-        ],
-    })  # fmt: skip
-
-
 def opened(size: float) -> tuple[dict[str, np.ndarray], float]:
     """Return histories of end distance [m], crack length [m], force [N/m], fracture energy [J/m]; and the closure."""
-    case = case_of(size)
+    case = case_of("double_cantilever", {"mesh.element_size": size})
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
     sums, position = EdgeSums(model), model.faults[0].interface.position

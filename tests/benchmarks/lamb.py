@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._cases import table_of
 from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic
 from ruptfx.case import Case
 from ruptfx.model import Model
 
@@ -27,34 +27,24 @@ if TYPE_CHECKING:
 
     from ruptfx.fem import MPI
 
-C_P, C_S, RHO = 3200.0, 1847.5, 2000.0
-FREQUENCY, DELAY = 10.0, 0.15
+STRIP = table_of("lamb")
+C_P, C_S, RHO = (STRIP["materials"]["default"][name] for name in ("c_p", "c_s", "density"))
+FORCE = STRIP["boundaries"][-1]
+FREQUENCY, DELAY = FORCE["history"]["frequency"], FORCE["history"]["delay"]
+HALF_WIDTH, LOAD = FORCE["x_range"][1], -FORCE["traction"][1]  # m, Pa
 RECEIVERS = (700.0, 1200.0)
-HALF_WIDTH, LOAD = 25.0, 1e6  # m, Pa
-DURATION = 0.95
+DURATION = STRIP["duration"]
 SOURCE = "Lamb (1904); de Hoop (1960)"
 
 
 def case(size: float, kind: str = "strip") -> Table:
-    """Return the right half of the problem and of the force: two glued plates so large that echoes come too late."""
-    left = [
-        {"kind": "driven", "edge": f"{body}.left", "component": "x", "velocity": 0.0} for body in ("upper", "lower")
-    ]
-    load = {
-        "strip": {
-            "kind": "traction", "edge": "upper.top", "traction": [0.0, -LOAD], "x_range": [0.0, HALF_WIDTH],
-        },
-        "point": {"kind": "point_force", "point": [0.0, 750.0], "force": [0.0, -LOAD * HALF_WIDTH]},
-    }[kind] | {"history": {"kind": "ricker", "frequency": FREQUENCY, "delay": DELAY}}  # fmt: skip
-    glued = {
-        "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 1.0},
-        "initial_stress": {"normal": 1e7},
-    }  # fmt: skip
-    return {
-        "plane": "strain", "order": 4, "duration": DURATION, "stepper": {"kind": "leapfrog", "safety": 0.3},
-        "mesh": {"kind": "two_plates", "length": 2200.0, "height": 750.0, "element_size": size},
-        "materials": {"default": elastic(C_P, C_S, RHO)}, "faults": {"main": glued}, "boundaries": [*left, load],
-    }  # fmt: skip
+    """Return the right half of the problem and of the force: a strip, or a point."""
+    table = table_of("lamb")
+    table["mesh"]["element_size"] = size
+    if kind == "point":
+        point = {"kind": "point_force", "point": [0.0, 750.0], "force": [0.0, -LOAD * HALF_WIDTH]}
+        table["boundaries"][-1] = point | {"history": FORCE["history"]}
+    return table
 
 
 def exact(x: float, time: np.ndarray, half_width: float = HALF_WIDTH) -> np.ndarray:
