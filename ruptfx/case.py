@@ -479,7 +479,7 @@ class Case(CaseFile):
         if self.fracture is None:
             return
         if self.order != 1:
-            raise ValueError(f"order = {self.order}: with [fracture] the cells are of order 1")
+            raise ValueError(f"order = {self.order}: with [fracture] the cells must be of order 1")
         for name, fault in self.faults.items():
             for key in ("normal", "shear"):
                 value = getattr(fault.initial_stress, key)
@@ -604,7 +604,7 @@ def load_toml(text: str) -> Table:
     try:
         table = tomllib.loads(text)
     except RecursionError:
-        raise CaseError("not valid TOML: nested too deeply") from None
+        raise CaseError("not valid TOML: nested too deeply; use at most 40 levels") from None
     except ValueError as error:  # also raised by integers with thousands of digits
         raise CaseError(f"not valid TOML: {error}") from None
     check_tables(table)

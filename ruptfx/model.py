@@ -220,7 +220,8 @@ class Model(System):
             self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
         ):
             raise CaseError(
-                f"faults.{name}.initial_stress.tensor: 3 components in the plane, 6 in 3D, none in antiplane"
+                f"faults.{name}.initial_stress.tensor: needs 3 components in the plane and 6 in 3D; remove it in "
+                "antiplane"
             )
         self._check_positions(name, face, fault)
         fault = located(fault, lambda key, place: self._position_of(face, key, place), f"faults.{name}")
@@ -275,7 +276,7 @@ class Model(System):
     def _position_of(self, face: Interface, key: str, place: Place) -> float | np.ndarray:
         """Return the position [m] of the point of an interface that is nearest to a given one; collective."""
         if (place.z is None) != (len(face.line.origin) == 2):
-            raise CaseError(f"{key}: a point of a surface has x, y and z, of a line x and y")
+            raise CaseError(f"{key}: give x, y and z of a point of a surface, x and y of one on a line")
         try:
             if place.z is not None:
                 return face.nearest_of_surface(self.comm, np.array([place.x, place.y, place.z]))

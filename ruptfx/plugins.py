@@ -110,7 +110,7 @@ def digests(directory: Path, names: object) -> list[tuple[str, str]]:
         One of them cannot be read, or the names are none.
     """
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise CaseError(f"plugins: no list of file names: {names!r}")
+        raise CaseError(f"plugins: must be a list of file names, not {names!r}")
     paths = [Path(directory, name).absolute() for name in names]
     return sorted((path.name, hashlib.sha256(_source(path)).hexdigest()) for path in paths)
 

@@ -26,6 +26,7 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -119,9 +120,12 @@ def check_tables(table: Mapping[str, object]) -> None:
     while todo:
         key, depth, value = todo.pop()
         if depth > MAX_DEPTH:
-            raise CaseError(f"{shown_key(key[1:])}: nested more than {MAX_DEPTH} levels deep")
+            raise CaseError(
+                f"{shown_key(key[1:])}: nested more than {MAX_DEPTH} levels deep; use fewer tables in "
+                "tables"
+            )
         if isinstance(value, int) and not -(2**63) <= value < 2**63:
-            raise CaseError(f"{shown_key(key[1:])}: an integer of {value.bit_length()} bits, the largest have 63")
+            raise CaseError(f"{shown_key(key[1:])}: an integer of {value.bit_length()} bits, must have at most 63")
         items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
         todo += [(f"{key}.{name}", depth + 1, item) for name, item in items]
 
@@ -151,7 +155,10 @@ def set_key(table: Table, key: str, value: object) -> None:
         else:
             node[last] = value
     except (ValueError, IndexError, TypeError, AttributeError):
-        raise CaseError(f"{shown_key(key)}: does not lead to a value of the case") from None
+        raise CaseError(
+            f"{shown_key(key)}: does not lead to a value of the case; write keys and numbers of list entries with "
+            "dots"
+        ) from None
 
 
 def nearest(word: str, known: Iterator[str] | list[str]) -> str:
@@ -512,6 +519,16 @@ def alternative(package: str) -> Any:
         BeforeValidator(choose),
         WithJsonSchema({_FOLDER: folder}),
     ]
+
+
+def by_kind(*kinds: str) -> Discriminator:
+    """Return the choice between the parts of a union by their key `kind`; each has a tag, `Tag("<KIND>")`."""
+
+    def tag(value: object) -> str:
+        return f"<{value.get('kind') if isinstance(value, Mapping) else getattr(value, 'kind', None)}>"
+
+    message = f"a table is needed whose 'kind' is one of: {', '.join(kinds)}"
+    return Discriminator(tag, custom_error_type="unknown_kind", custom_error_message=message)
 
 
 def by_name(folder: str, names: list[str]) -> Table:

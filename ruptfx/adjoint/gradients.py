@@ -389,7 +389,10 @@ def refuse(model: Model) -> None:
     if not case.stepper.adjoint:
         raise CaseError(f"stepper.kind = '{case.stepper.kind()}': has no adjoint; use 'leapfrog'")
     if not model.faults:
-        raise CaseError("objective: the case has no interface, whose initial stress and law are the unknowns")
+        raise CaseError(
+            "objective: the case has no interface, whose initial stress and law are the unknowns; add "
+            "[faults.NAME]"
+        )
     if case.stop_when is not None:
         raise CaseError("stop_when: the end of the run would depend on the unknowns; remove it")
     for each in model.mechanisms:

@@ -168,7 +168,9 @@ class Camera:
                 raise RuptfxError(f"camera: {name} = {getattr(self, name)}: must be above zero")
         if self.exposure * self.frame_rate > 1:
             raise RuptfxError(
-                f"camera: exposure = {self.exposure:g} s: longer than the {1 / self.frame_rate:g} s from frame to frame"
+                f"camera: exposure = {self.exposure:g} s: longer than the {1 / self.frame_rate:g} s from frame to "
+                "frame; "
+                "make it shorter"
             )
 
     def light(self, stress: Array, per_stress: Array) -> Array:

@@ -193,7 +193,7 @@ def check_component(key: str, value: str, plane: Plane, components: str) -> None
     ValueError
     """
     if value not in components:
-        raise ValueError(f"{key} = '{value}': plane = '{plane}' moves in {components} only")
+        raise ValueError(f"{key} = '{value}': plane = '{plane}' moves in {components} only; use one of these")
 
 
 def check_vector(key: str, value: list[float], components: str) -> None:

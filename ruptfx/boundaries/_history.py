@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, Tag, model_validator
 
-from ruptfx.schema import Part, Unit
+from ruptfx.schema import Part, Unit, by_kind, shown_value
 from ruptfx.units import Time
 
 Times = TypeVar("Times", float, np.ndarray)
@@ -79,7 +79,9 @@ class Sampled(Part):
     @model_validator(mode="after")
     def _matching(self) -> Sampled:
         if len(self.values) != len(self.times) or np.any(np.diff(self.times) <= 0):
-            raise ValueError("times must increase, with one value for each")
+            raise ValueError(
+                f"times = {shown_value(self.times)}: must increase, with one value for each, here {len(self.values)}"
+            )
         return self
 
     def __call__(self, time: Times) -> Times:
@@ -91,7 +93,9 @@ class Sampled(Part):
         return Samples(self.times, self.values, "1", lambda time: float(self(time)), constant_after=True)
 
 
-History = Annotated[Ricker | Sampled, Field(discriminator="kind")]
+History = Annotated[
+    Annotated[Ricker, Tag("<ricker>")] | Annotated[Sampled, Tag("<sampled>")], by_kind("ricker", "sampled")
+]
 """A factor in time."""
 
 

@@ -57,7 +57,7 @@ class IncidentWave(EdgeBoundary):
         if not any(self.direction):
             raise ValueError(f"{key}.direction = {self.direction}: must not be zero")
         if plane == "antiplane" and self.wave != "S":
-            raise ValueError(f"{key}.wave = '{self.wave}': plane = 'antiplane' has S waves only")
+            raise ValueError(f"{key}.wave = '{self.wave}': plane = 'antiplane' has S waves only; use 's'")
         if (self.polarisation is not None) != (plane == "solid" and self.wave == "S"):
             raise ValueError(f"{key}.polarisation: is for S waves in plane = 'solid', which need it")
         if self.polarisation is not None:

@@ -46,7 +46,9 @@ class Camera(Alternative):
         """
         if self.exposure * self.frame_rate > 1:
             raise ValueError(
-                f"{key}.exposure = {self.exposure:g} s: longer than the {1 / self.frame_rate:.4g} s from frame to frame"
+                f"{key}.exposure = {self.exposure:g} s: longer than the {1 / self.frame_rate:.4g} s from frame to "
+                "frame; "
+                "make it shorter"
             )
 
     def film(self, record: Record) -> xarray.DataArray:

@@ -36,7 +36,10 @@ class Polariscope(Camera):
         if plane not in IN_PLANE:
             raise ValueError(f"{key}.kind = 'polariscope': fringes are of plates, and plane = '{plane}'; remove it")
         if self.polariser and self.field != "plane":
-            raise ValueError(f"{key}.polariser = {self.polariser:g}: without effect with field = '{self.field}'")
+            raise ValueError(
+                f"{key}.polariser = {self.polariser:g}: without effect with field = '{self.field}'; remove "
+                "it"
+            )
 
     def film(self, record: Record) -> xarray.DataArray:
         from ruptfx.analysis import polariscope  # SciPy: not for those who only read the case

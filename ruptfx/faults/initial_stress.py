@@ -47,7 +47,7 @@ class InitialStress(Part):
         if self.rake is not None and self.shear is None:
             raise ValueError(f"rake = {self.rake:g}: the direction of shear, which is not given; give shear, too")
         if self.tensor is not None and (self.shear is not None or len(self.tensor) not in (3, 6)):
-            raise ValueError("tensor has 3 components (xx, yy, xy), 6 in 3D, and stands alone")
+            raise ValueError("tensor needs 3 components (xx, yy, xy), 6 in 3D; remove normal and shear")
         return self
 
     def matrix(self, dim: int) -> np.ndarray | None:

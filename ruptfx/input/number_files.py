@@ -39,7 +39,7 @@ def number(word: str | None, path: str | Path, line: int, scale: Fraction | int 
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise ValueError(f"line {line} of {path}: {(word or '').strip()!r} is not a finite number")
+        raise ValueError(f"line {line} of {path}: {(word or '').strip()!r} must be a finite number")
     # In exact arithmetic, so that 60 in microseconds equals 60e-6 bitwise.
     return value if scale == 1 else float(Fraction(Decimal((word or "").strip())) * scale)
 
@@ -238,7 +238,7 @@ def with_units(path: Path) -> dict[str, tuple[list[float], str]]:
         raise ValueError(f"{path}: two columns have the same name; rename one of them")
     rows = [[number(word, path, i) for word in _words(line)] for i, line in enumerate(lines[first:], first + 1)]
     if any(len(row) != len(named) for row in rows):
-        raise ValueError(f"{path}: {len(named)} columns have names, and lines have other numbers of columns")
+        raise ValueError(f"{path}: {len(named)} columns have names, so every line needs as many numbers")
     return {name: (list(column), unit) for (name, unit), column in zip(named, zip(*rows, strict=True), strict=True)}
 
 
@@ -348,7 +348,7 @@ def _column(
         scale = scale or _name_and_factor(cells[column], unit, where)[1]
     short = next((line for line, words in rows if len(words) <= column), None)
     if short is not None:
-        raise ValueError(f"line {short} of {path}: has fewer columns than the lines above it")
+        raise ValueError(f"line {short} of {path}: has fewer columns than the lines above it; add them")
     return np.array([number(words[column], path, line) for line, words in rows]) * float(scale or 1)
 
 

@@ -92,7 +92,7 @@ def _unit(text: str) -> tuple[Fraction, Counter[str]]:
         for symbol in part.replace("*", " ").replace("·", " ").split():
             found = _FACTOR.fullmatch(symbol)
             if found is None:
-                raise ValueError(f"unknown unit '{text}'")
+                raise ValueError(f"unknown unit '{text}'; write for example 'N/m' or 'm s^-2'")
             scale, base = _symbol(found[1])
             exponent = sign * int(found[2] or 1)
             factor *= scale**exponent

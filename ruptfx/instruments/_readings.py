@@ -130,7 +130,7 @@ class ModelReadings:
         slack = 1e-9 * face.line.length
         if not face.line.first - slack <= position <= face.line.last + slack:
             raise CaseError(
-                f"{key}.position = {position:.6g} m: beyond the interface, which has {face.line.first:.6g} to "
+                f"{key}.position = {position:.6g} m: must be on the interface, {face.line.first:.6g} to "
                 f"{face.line.last:.6g} m"
             )
         rows = parallel.share_rows(self.model.comm, np.column_stack([face.number, face.position])[face.owned])
@@ -158,7 +158,7 @@ class ModelReadings:
             points = parallel.share_rows(comm, face.points[face.owned])
             near = points[np.argmin(np.linalg.norm(points - np.asarray(point), axis=1))]
             here, there = ("(" + ", ".join(f"{value:.6g}" for value in each) + ") m" for each in (point, near))
-            raise CaseError(f"{key}.point = {here}: is not on interface '{fault.name}', whose nearest node is {there}")
+            raise CaseError(f"{key}.point = {here}: is not on interface '{fault.name}'; use its nearest node, {there}")
         which, place = np.unique(shared[on, 0], return_inverse=True)
         sums = np.bincount(place, weights=shared[on, 1])
         return dict(zip(which.astype(int).tolist(), (sums / sums.sum()).tolist(), strict=True))

@@ -51,7 +51,10 @@ class ReceiverGrid(Instrument):
     def _affordable(self) -> ReceiverGrid:
         count = float(np.prod([float(number) for number in self.shape]))
         if count > MOST:
-            raise ValueError(f"spacing = {self.spacing:g} m: {count:.3g} points, at most {MOST}; make it larger")
+            raise ValueError(
+                f"spacing = {self.spacing:g} m: {count:.3g} points from corner to opposite, at most {MOST}; make it "
+                "larger"
+            )
         return self
 
     def check(self, key: str, plane: Plane, components: str) -> None:

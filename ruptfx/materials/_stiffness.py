@@ -47,7 +47,7 @@ def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
         values = [float(tangent(origin, component=entry)) for entry in np.ndindex(tangent.ufl_shape)]
         stiffness = np.reshape(values, tangent.ufl_shape)
         if not np.all(np.isfinite(stiffness)):
-            raise ValueError("it is not finite at zero strain")
+            raise ValueError("it must be finite at zero strain")
         _refuse_places(tangent)
     except Exception as error:
         raise RuptfxError(

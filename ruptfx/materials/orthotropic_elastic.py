@@ -48,8 +48,9 @@ class OrthotropicElastic(Material):
         lowest = np.linalg.eigvalsh(self._compliance()).min()
         if lowest <= 0:
             raise ValueError(
-                "these Poisson's ratios and Young's moduli let some strain release energy; |nu_ij| must stay below "
-                "sqrt(E_i / E_j), and all three well below it together"
+                f"E_1 = {self.E_1:g} Pa, E_2 = {self.E_2:g} Pa, nu_12 = {self.nu_12:g}, nu_23 = {self.nu_23:g}: some "
+                "strain would release energy; |nu_ij| must stay below sqrt(E_i / E_j), and all three well below it "
+                "together"
             )
         return self
 

@@ -58,8 +58,9 @@ class BranchedFault(MeshSource):
         nearest = 2 * self.element_size
         if not self.left + nearest <= self.junction <= self.right - nearest:
             raise ValueError(
-                f"junction = {self.junction:g} m: the branch begins on the fault, at least two elements from its ends: "
-                f"between left = {self.left:g} m and right = {self.right:g} m"
+                f"junction = {self.junction:g} m: the branch begins on the fault, at least two elements of "
+                f"element_size = {self.element_size:g} m from its ends, left = {self.left:g} m and right = "
+                f"{self.right:g} m"
             )
         if not 20 <= abs(self.angle) <= 160:
             raise ValueError(

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Tag
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes._gmsh import Geometry, session
 from ruptfx.meshes.specimen import DELAUNAY, MOST_CELLS, Floats, Ints, Point
-from ruptfx.schema import CaseError, Name, Part, Unit
+from ruptfx.schema import CaseError, Name, Part, Unit, by_kind
 from ruptfx.units import Length
 
 
@@ -84,14 +84,20 @@ class Pieces(MeshSource):
         'ball = { kind = "disc", center = [0.0, 3e-3], diameter = 3e-3 } } }'
     )
 
-    bodies: dict[Name, Annotated[RectanglePiece | DiscPiece, Field(discriminator="kind")]]
+    bodies: dict[
+        Name,
+        Annotated[
+            Annotated[RectanglePiece, Tag("<rectangle>")] | Annotated[DiscPiece, Tag("<disc>")],
+            by_kind("rectangle", "disc"),
+        ],
+    ]
     """Bodies by name."""
     element_size: Length
     """Mean edge of the triangles."""
 
     def build(self) -> RawMesh:
         if not self.bodies:
-            raise CaseError("mesh.bodies: there is none")
+            raise CaseError("mesh.bodies: there is none; add a table [mesh.bodies.NAME]")
         parts = [self._mesh(name, body) for name, body in self.bodies.items()]
         first = np.cumsum([0, *(len(points) for points, _ in parts)])
         points = np.concatenate([points for points, _ in parts])
@@ -112,7 +118,10 @@ class Pieces(MeshSource):
         """Return points and triangles of one body."""
         size = body.element_size or self.element_size
         if body.area / (np.sqrt(3) / 4 * size**2) > MOST_CELLS:
-            raise CaseError(f"mesh.bodies.{name}.element_size = {size:g} m: more than {MOST_CELLS:.0g} triangles")
+            raise CaseError(
+                f"mesh.bodies.{name}.element_size = {size:g} m: would make more than {MOST_CELLS:.0g} triangles; make "
+                "it larger"
+            )
         with session() as gmsh:
             try:
                 gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)

@@ -7,13 +7,13 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, Tag
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes._gmsh import Entity, Geometry, session
 from ruptfx.phases import AnyPhases
-from ruptfx.schema import CaseError, Name, Part, Unit
+from ruptfx.schema import CaseError, Name, Part, Unit, by_kind
 from ruptfx.units import Coordinate, Length
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -67,7 +67,9 @@ class Specimen(MeshSource):
         'platens = { thickness = 1e-3 }, phases = { kind = "random_cells", fractions = { quartz = 0.4, mica = 0.6 } } }'
     )
 
-    shape: Annotated[Rectangle | Disc, Field(discriminator="kind")]
+    shape: Annotated[
+        Annotated[Rectangle, Tag("<rectangle>")] | Annotated[Disc, Tag("<disc>")], by_kind("rectangle", "disc")
+    ]
     """Rectangle or disc."""
     element_size: Length
     """Mean edge of the triangles."""
@@ -101,7 +103,7 @@ class Specimen(MeshSource):
             on = outer[_on_segment(points[outer], segment, self.element_size).all(axis=1)]
             if not len(on):
                 raise CaseError(f"mesh.parts.{name}: no part of the boundary lies between "
-                                f"({segment[0]:g}, {segment[1]:g}) and ({segment[2]:g}, {segment[3]:g}) m")
+                                f"({segment[0]:g}, {segment[1]:g}) and ({segment[2]:g}, {segment[3]:g}) m; move them")
             for other, facets in raw.edges.items():  # what has a name of its own is not the rest
                 raw.edges[other] = facets[~np.isin(_codes(facets), _codes(on))]
             raw.edges[f"specimen.{name}"] = on
@@ -111,7 +113,7 @@ class Specimen(MeshSource):
         for name, facets in joints.items():
             inner = np.array([count.get(_key(facet), 0) == 2 for facet in facets], dtype=bool)
             if not inner.any():
-                raise CaseError(f"mesh.joints.{name}: no part of it is inside of the specimen")
+                raise CaseError(f"mesh.joints.{name}: no part of it is inside of the specimen; move it")
             raw.joints[name] = facets[inner]
         return raw
 
@@ -196,7 +198,7 @@ class Specimen(MeshSource):
             body[~platen] = self.phases.phase_of(points[triangles[~platen]].mean(axis=1), self.element_size)
         if self.platens is not None:
             if self.platens.body in names:
-                raise CaseError(f"mesh.platens.body = '{self.platens.body}' is the name of a phase, too")
+                raise CaseError(f"mesh.platens.body = '{self.platens.body}' is the name of a phase, too; rename it")
             body[platen] = len(names)
             names = [*names, self.platens.body]
         present = np.unique(body)

@@ -168,7 +168,7 @@ class Unknown(Part):
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
             raise ValueError(f"bounds = {self.bounds}: the first must be below the second")
         if self.bounds is not None and self.scale == "log" and self.bounds[0] <= 0:
-            raise ValueError(f"bounds = {self.bounds}: with scale = 'log' they are positive")
+            raise ValueError(f"bounds = {self.bounds}: must be positive with scale = 'log'")
         if self.shape != "field" and self.correlation_length is not None:
             name = "a number has" if self.shape == "number" else "knots have"
             raise ValueError(f"correlation_length: {name} none; remove it, or set shape = 'field'")

@@ -76,7 +76,7 @@ class DisplacementField(Misfit):
             raise ValueError("there are no data; give a file, or x, y and displacements")
         for name, values in (("y", self.y), *((f"displacement_{axis}", each) for axis, each in self._given.items())):
             if len(values) != len(self.x):
-                raise ValueError(f"{name}: {len(values)} values at {len(self.x)} points")
+                raise ValueError(f"{name}: {len(values)} values at {len(self.x)} points; give one for each")
         if len(self.x) > MOST:
             raise ValueError(f"{len(self.x)} points: more than {MOST}; choose a larger 'every'")
         return self
@@ -138,7 +138,7 @@ def _from_grid(path: Path, every: int) -> dict[str, list[float]]:
         with h5netcdf.File(path, "r") as file:
             names = [f"displacement_{axis}" for axis in "xy" if f"displacement_{axis}" in file.variables]
             if not names or not {"x", "y"} <= set(file.variables):
-                raise ValueError(f"{path}: has no displacement_x and displacement_y with x and y; see `ruptfx dic`")
+                raise ValueError(f"{path}: needs displacement_x and displacement_y with x and y; see `ruptfx dic`")
             read = {}
             for name in ("x", "y", *names):
                 unit = str(file[name].attrs.get("units", ""))

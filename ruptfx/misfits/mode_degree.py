@@ -63,7 +63,9 @@ class ModeDegree(Misfit):
     def _complete(self) -> ModeDegree:
         way = abs(self.far_end - self.loaded_end)
         if way < 5 * self.spacing:
-            raise ValueError(f"spacing = {self.spacing:g} m: fewer than 6 positions between loaded_end and far_end")
+            raise ValueError(
+                f"spacing = {self.spacing:g} m: fewer than 6 positions between loaded_end and far_end; make it smaller"
+            )
         if way > MOST_POINTS * self.spacing:
             raise ValueError(f"spacing = {self.spacing:g} m: more than {MOST_POINTS} positions; make it larger")
         return self

@@ -83,7 +83,7 @@ class Traces(Misfit):
             raise ValueError("times must increase")
         for name, values in self.data.items():
             if len(values) != len(self.times):
-                raise ValueError(f"data.{name}: {len(values)} values at {len(self.times)} times")
+                raise ValueError(f"data.{name}: {len(values)} values at {len(self.times)} times; give one for each")
             if name not in self.units:
                 raise ValueError(f"data.{name}: has no unit; add it to units, or to the header of the file")
         return self
@@ -123,7 +123,7 @@ class Traces(Misfit):
                 hint = nearest(name, list(found))
                 raise CaseError(f"{key}.data.{name}: '{self.instrument}' has no such channel, {hint}")
             if name not in self.data:
-                raise CaseError(f"{key}.channels: there are no data of '{name}'")
+                raise CaseError(f"{key}.channels: there are no data of '{name}'; add them, or remove it")
             if found[name].offset != 0:
                 raise CaseError(
                     f"{key}.data.{name}: contains the initial stress of the bodies, which is not differentiated; use "

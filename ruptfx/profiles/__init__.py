@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler, Tag, ValidationInfo
+from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler, Tag, ValidationError, ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -81,7 +81,7 @@ class Profile(Alternative):
             A kind for surfaces on a line, or one for bodies; a point as the center of a kind that is not radial.
         """
         if self.over_body:
-            raise CaseError(f"{self.kind()} varies in the bodies, and this is a position along an interface")
+            raise CaseError(f"{self.kind()} varies in the bodies; use a kind that varies along an interface")
         if self.over_surface:
             if places.ndim == 1:
                 raise CaseError(
@@ -111,8 +111,25 @@ class Profile(Alternative):
         )
 
 
-def with_unit(value: object, info: ValidationInfo, unit: str) -> object:
-    """Return the table of a profile with texts as numbers in the unit of its key, and with numbers of files."""
+def with_unit(value: object, info: ValidationInfo, unit: str, *at: str | int) -> object:
+    """Return the table of a profile with texts as numbers in the unit of its key, and with numbers of files.
+
+    Parameters
+    ----------
+    value : object
+        Table of the profile; anything else is returned as it is.
+    info : ValidationInfo
+        Validation context with the directory of the case.
+    unit : str
+        Unit of the key that varies.
+    *at : str or int
+        Keys that lead to the profile from the one that contains it, for messages.
+
+    Raises
+    ------
+    ValidationError
+        Of texts that are no number with this unit.
+    """
     kind = value.get("kind") if isinstance(value, Mapping) else None
     if not isinstance(value, Mapping) or not isinstance(kind, str):
         return value
@@ -122,17 +139,31 @@ def with_unit(value: object, info: ValidationInfo, unit: str) -> object:
         return value  # refused by the reader
     assert issubclass(cls, Profile)
     of_key = Unit(unit)
-    marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
-    given = {key: of_key.read(item) if key in marked else item for key, item in value.items()}
-    return cls.with_files(given, info, unit)
+    given, wrong = dict(value), list[tuple[tuple[str | int, ...], object, str]]()
+    for key in value:
+        if key in cls.model_fields and has_mark(cls, key, _OfKey):
+            try:
+                given[key] = of_key.read(value[key])
+            except ValueError as error:
+                wrong.append(((key,), value[key], str(error)))
+    if not wrong:
+        try:
+            return cls.with_files(given, info, unit)
+        except ValidationError as error:  # of a profile inside
+            wrong = [(each["loc"], each["input"], each["msg"]) for each in error.errors()]
+    raise ValidationError.from_exception_data(kind, [
+        {"type": PydanticCustomError("unit", "{why}", {"why": why}), "loc": (*at, *place), "input": item}
+        for place, item, why in wrong
+    ])  # fmt: skip
+
+
+def _tag(value: object) -> str:
+    return "<profile>" if isinstance(value, Mapping | Profile) else "<number>"
 
 
 def varying(number: object, unit: str) -> Any:
     """Return the field type: a number of the given type, or a table with the ``kind`` of a profile."""
     of_key = Unit(unit)
-
-    def tag(value: object) -> str:
-        return "<profile>" if isinstance(value, Mapping | Profile) else "<number>"
 
     def read(value: object, info: ValidationInfo) -> object:
         """Texts in a table that have the unit of the key, as numbers, and numbers in place of files."""
@@ -141,7 +172,7 @@ def varying(number: object, unit: str) -> Any:
     profile = alternative("ruptfx.profiles")
     return Annotated[
         Annotated[number, Tag("<number>")] | Annotated[profile, Tag("<profile>")],
-        Discriminator(tag),
+        Discriminator(_tag),
         Bound(number),
         BeforeValidator(read),
         of_key,
@@ -166,5 +197,11 @@ def in_body(value: object, points: np.ndarray) -> np.ndarray:
 
 if TYPE_CHECKING:
     AnyProfile = Profile
+    NumberOrProfile = float | Profile
+    ValueOrProfile = float | Profile
 else:
     AnyProfile = alternative("ruptfx.profiles")
+    NumberOrProfile = Annotated[
+        Annotated[float, Tag("<number>")] | Annotated[AnyProfile, Tag("<profile>")], Discriminator(_tag)
+    ]
+    ValueOrProfile = Annotated[NumberOrProfile, _OfKey()]

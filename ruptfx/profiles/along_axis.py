@@ -29,10 +29,10 @@ class AlongAxis(Profile):
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
         assert isinstance(values, dict)
-        return {key: with_unit(item, info, unit) if key == "profile" else item for key, item in values.items()}
+        return {key: with_unit(item, info, unit, key) if key == "profile" else item for key, item in values.items()}
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         number = "xyz".index(self.axis)
         if number >= position.shape[1]:
-            raise CaseError(f"axis = '{self.axis}': the bodies have {position.shape[1]} dimensions")
+            raise CaseError(f"axis = '{self.axis}': must be x or y, as the bodies have {position.shape[1]} dimensions")
         return self.profile.over(position[:, number])

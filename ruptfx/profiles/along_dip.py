@@ -26,7 +26,7 @@ class AlongDip(Profile):
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
         assert isinstance(values, dict)
-        return {key: with_unit(item, info, unit) if key == "profile" else item for key, item in values.items()}
+        return {key: with_unit(item, info, unit, key) if key == "profile" else item for key, item in values.items()}
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.profile.over(position[:, 1])

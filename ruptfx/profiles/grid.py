@@ -36,7 +36,10 @@ class Grid(Profile):
         for name, grid in zip(names, axes, strict=True):
             number = "xyz".index(name)
             if number >= position.shape[1]:
-                raise CaseError(f"{self.file}: '{self.variable}' varies along {name}, and the bodies have x and y only")
+                raise CaseError(
+                    f"{self.file}: '{self.variable}' varies along {name}; remove this axis, as the bodies have x and y "
+                    "only"
+                )
             x, slack = position[:, number], SLACK * (grid[-1] - grid[0])
             if len(x) and not grid[0] - slack <= x.min() <= x.max() <= grid[-1] + slack:
                 raise CaseError(

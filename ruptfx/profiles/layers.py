@@ -33,7 +33,7 @@ class Layers(Profile):
     @model_validator(mode="after")
     def _matching(self) -> Layers:
         if len(self.values) != len(self.boundaries) + 1:
-            raise ValueError(f"values: {len(self.boundaries)} boundaries separate {len(self.boundaries) + 1} values")
+            raise ValueError(f"values: {len(self.boundaries)} boundaries need {len(self.boundaries) + 1} values")
         return self
 
     def __call__(self, position: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import ValidationInfo
 
-from ruptfx.profiles import AnyProfile, Profile, Value, evaluate, in_body, with_unit
+from ruptfx.profiles import NumberOrProfile, Profile, ValueOrProfile, evaluate, in_body, with_unit
 
 
 class Product(Profile):
@@ -16,16 +16,16 @@ class Product(Profile):
     example: ClassVar[str] = (
         '{ kind = "product", value = 3.0, factor = { kind = "sinusoid", mean = 1, amplitude = 0.1, wavelength = 0.7 } }'
     )
-    value: Value | AnyProfile
+    value: ValueOrProfile
     """Number or profile with the unit of the key."""
-    factor: float | AnyProfile
+    factor: NumberOrProfile
     """Number or profile of pure numbers."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
         assert isinstance(values, dict)
         units = {"value": unit, "factor": "1"}
-        return {key: with_unit(item, info, units[key]) if key in units else item for key, item in values.items()}
+        return {key: with_unit(item, info, units[key], key) if key in units else item for key, item in values.items()}
 
     def over(self, places: np.ndarray) -> np.ndarray:
         return evaluate(self.value, places) * evaluate(self.factor, places)

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 from ruptfx.profiles import PositiveMetre, Profile, Value
 from ruptfx.schema import Unit
 
+MOST_WAVES = 100_000
+
 
 class SelfAffine(Profile):
     """A self-affine rough profile, the same for a seed on any mesh and any rank count.
@@ -48,9 +50,15 @@ class SelfAffine(Profile):
                 f"wavelengths need shortest <= rolloff <= longest <= length, these are {self.shortest:g}, {rolloff:g}, "
                 f"{self.longest:g} and {self.length:g} m"
             )
+        if self.length > MOST_WAVES * self.shortest:
+            raise ValueError(
+                f"length = {self.length:g} m: at most {MOST_WAVES} times shortest = {self.shortest:g} m; make it "
+                "shorter"
+            )
         if not len(self._waves()):
             raise ValueError(
-                f"no wavelength length / k is between shortest = {self.shortest:g} and longest = {self.longest:g} m"
+                f"no wavelength length / k is between shortest = {self.shortest:g} and longest = {self.longest:g} m; "
+                "change one of them"
             )
         return self
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field, ValidationInfo
 
-from ruptfx.profiles import AnyProfile, Profile, Value, evaluate, in_body, with_unit
+from ruptfx.profiles import Profile, ValueOrProfile, evaluate, in_body, with_unit
 
 
 class Sum(Profile):
@@ -16,7 +16,7 @@ class Sum(Profile):
     example: ClassVar[str] = (
         '{ kind = "sum", terms = [1.0, { kind = "boxcar", inside = 2, outside = 0, center = 0.1, half_width = 0.2 }] }'
     )
-    terms: Annotated[list[Value | AnyProfile], Field(min_length=1)]
+    terms: Annotated[list[ValueOrProfile], Field(min_length=1)]
     """Numbers and profiles that are added, each in the unit of the key."""
 
     @classmethod
@@ -25,7 +25,7 @@ class Sum(Profile):
         terms = values.get("terms")
         if not isinstance(terms, list):
             return values
-        return {**values, "terms": [with_unit(each, info, unit) for each in terms]}
+        return {**values, "terms": [with_unit(each, info, unit, "terms", i) for i, each in enumerate(terms)]}
 
     def over(self, places: np.ndarray) -> np.ndarray:
         return np.sum([evaluate(term, places) for term in self.terms], axis=0)

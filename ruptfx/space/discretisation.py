@@ -67,10 +67,16 @@ class Discretisation:
         self.mesh = bodies.mesh
         simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
         if simplex and order > 1:
-            raise CaseError(f"order = {order}: on triangles and tetrahedra the mass is diagonal for order 1 only")
+            raise CaseError(
+                f"order = {order}: must be 1 on triangles and tetrahedra, whose mass is not diagonal for "
+                "others"
+            )
         dim = self.mesh.geometry.dim
         if (dim == 3) != (plane == "solid"):
-            raise CaseError(f"plane = '{plane}': the mesh has {dim} dimensions")
+            raise CaseError(
+                f"plane = '{plane}': the mesh has {dim} dimensions; use plane = 'solid' with three, another one with "
+                "two"
+            )
         self.components = {"antiplane": 1, "solid": 3}.get(plane, 2)
         if plane == "axisymmetric":
             parallel.raise_on_all(comm, axisymmetry.put_on_axis(self.mesh))

@@ -86,7 +86,8 @@ class Inside:
         found = [item for item in inside if body in (None, names[item[0]])]
         holders = parallel.share_rows(model.comm, np.array([number for number, _, _ in found], dtype=np.int64))
         if not len(holders):
-            raise CaseError(f"{key}.{field} = {told}: is not inside of {'the bodies' if body is None else body}")
+            body = "the bodies" if body is None else body
+            raise CaseError(f"{key}.{field} = {told}: is not inside of {body}; move it")
         if first:
             holders = holders[holders == holders.min()]
             found = [item for item in found if item[0] == holders[0]]

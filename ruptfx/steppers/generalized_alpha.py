@@ -69,9 +69,12 @@ class GeneralizedAlpha(Stepper):
     @model_validator(mode="after")
     def _consistent(self) -> GeneralizedAlpha:
         if self.scheme != "newmark" and (self.gamma, self.beta) != (None, None):
-            raise ValueError(f"gamma and beta belong to scheme = 'newmark'; scheme = '{self.scheme}' has its own")
+            raise ValueError(
+                f"gamma and beta belong to scheme = 'newmark'; scheme = '{self.scheme}' has its own; remove "
+                "them"
+            )
         if self.scheme == "hht" and self.spectral_radius < 0.5:
-            raise ValueError(f"spectral_radius = {self.spectral_radius:g}: scheme = 'hht' takes 0.5 to 1")
+            raise ValueError(f"spectral_radius = {self.spectral_radius:g}: must be 0.5 to 1 with scheme = 'hht'")
         if self.beta is not None and self.beta < 0.5 * (self.gamma or 0.5):
             raise ValueError(
                 f"beta = {self.beta:g}: unstable, it must be gamma / 2 = {0.5 * (self.gamma or 0.5):g} or more"

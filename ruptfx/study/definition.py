@@ -69,7 +69,7 @@ class Axis(Part):
                 raise ValueError(f"range = [{low:g}, {high:g}]: must increase, and be positive where spacing is log")
         twice = next((v for i, v in enumerate(self.values or []) if v in (self.values or [])[:i]), None)
         if twice is not None:
-            raise ValueError(f"values: {twice} is there twice")
+            raise ValueError(f"values: {twice} is there twice; remove one")
         rows = self.values or [None]
         if isinstance(self.key, list) and any(not isinstance(v, list) or len(v) != len(self.key) for v in rows):
             raise ValueError(f"key names {len(self.key)} keys: values must be lists of that length")
@@ -78,7 +78,7 @@ class Axis(Part):
         shown = self.labels or []
         same = next((label for i, label in enumerate(shown) if label in shown[:i]), None)
         if same is not None:
-            raise ValueError(f"labels: {same!r} is there twice; tables could not tell the two values apart")
+            raise ValueError(f"labels: {same!r} is there twice; rename one, so that tables tell the values apart")
         return self
 
     @property
@@ -242,7 +242,7 @@ class Study(Part):
         if self.sampling != "grid" and (self.samples is None or not self.sampled):
             raise ValueError(f"a {self.sampling} needs samples and at least one axis with a range")
         if (self.sampling == "cma_es") != (self.search is not None):
-            raise ValueError('sampling = "cma_es" and the table [search] belong together')
+            raise ValueError('sampling = "cma_es" and the table [search] belong together; give both or none')
         if self.search is not None:
             self._check_search(self.search)
         crossed = [len(axis.values or []) or axis.points or 1 for axis in self.axes if axis not in self.sampled]

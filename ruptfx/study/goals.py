@@ -40,7 +40,7 @@ class Goal(Part):
         if sum(given is not None for given in (self.target, self.at_least, self.at_most)) != 1:
             raise ValueError("give one of target, at_least and at_most")
         if (self.target is None) != (self.scale is None):
-            raise ValueError("target and scale belong together")
+            raise ValueError("target and scale belong together; give both or none")
         return self
 
     def concerns(self, coordinates: Mapping[str, object]) -> bool:

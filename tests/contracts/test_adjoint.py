@@ -283,6 +283,19 @@ TRACE = {"kind": "traces", "instrument": "fault", "times": [1e-6], "data": {"sli
          "sigma": 1e-6}  # fmt: skip
 
 
+
+@pytest.mark.parametrize("window, kept", [({"begin": 2e-6}, [1, 2]), ({"end": 2e-6}, [0, 1]),
+                                          ({"begin": 1.5e-6, "end": 2.5e-6}, [1])])  # fmt: skip
+def test_data_outside_of_their_window_do_not_count(window: dict[str, float], kept: list[int]) -> None:
+    times, slips = [1e-6, 2e-6, 3e-6], [0.5e-6, 1.5e-6, -2.0e-6]
+    made = slip_weakening({"instruments": [FAULT], "objective": [
+        {**TRACE, "times": times, "data": {"slip": slips}, **window}]})
+    found = Objective(parse_case(made), parse_case(made).objective)
+    sample = found.samples[0][1]
+    assert sample.at == pytest.approx([times[i] for i in kept], rel=1e-15)
+    assert found.value == pytest.approx(0.5 * np.sum((sample.values - [slips[i] for i in kept]) ** 2) / 1e-12)
+
+
 @pytest.mark.parametrize("changes, message", [
     ({"objective": []}, "objective: there is none"),
     ({"objective": [{**TRACE, "times": [1.0]}]}, r"objective\.0\.times: data from 1 s to 1 s, and the run lasts"),

@@ -357,7 +357,7 @@ def test_what_cannot_be_inferred_is_refused_before_the_first_step(
 
 @pytest.mark.parametrize("unknown, message", [
     ({"bounds": [2.0, 1.0]}, "the first must be below the second"),
-    ({"bounds": [-1.0, 1.0], "scale": "log"}, "they are positive"),
+    ({"bounds": [-1.0, 1.0], "scale": "log"}, r"bounds = \[-1\.0, 1\.0\]: must be positive with scale = 'log'"),
     ({"shape": "number", "correlation_length": 1.0}, "a number has none"),
     ({"shape": "knots"}, "knots belong together"),
     ({"shape": "knots", "knots": [2.0, 1.0]}, "must increase"),

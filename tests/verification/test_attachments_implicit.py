@@ -107,6 +107,32 @@ def test_the_stiffness_of_a_ground_that_fails() -> None:
         assert np.abs(changed - predicted).max() < 10 * length / 1e-6 * np.abs(predicted).max()
 
 
+def test_a_damaged_node_that_closes_within_a_step_loses_the_area_between_its_secants() -> None:
+    """From the opening a on the secant s to a closed b on the full stiffness k: (k - s) a b / 2 is lost per area."""
+    law = {"kind": "linear", "f_t": 2e5, "c": 4e5, "G_Ic": 2.0, "G_IIc": 8.0}
+    model = Model(on_ground(law, [], {"stepper": {"kind": "quasi_static"}, "duration": 1e-2}))
+    (ground,) = model.attachments
+    state = model.initial_state()
+
+    def move(y: float) -> dict[str, float]:
+        u, before = np.zeros_like(state.displacement), dict(state.energy)
+        u[1::2] = y
+        end = StepEnd(u, 1.0)
+        ground.advance(state, end, ground.respond(state, end))
+        state.displacement[:] = u
+        return {name: state.energy[name] - before[name] for name in ("fracture", "impact_loss")}
+
+    opening, closing = 5e-6, 2e-6
+    move(0.5 * opening)
+    first = move(opening)
+    assert first["fracture"] > 0 and first["impact_loss"] == 0
+    secant = -state.attached["ground"]["traction"][0, 1] / opening
+    assert 0 < secant < 0.9 * NORMAL
+    second = move(-closing)
+    assert second["fracture"] == 0
+    assert second["impact_loss"] == pytest.approx(0.5 * (NORMAL - secant) * opening * closing * LENGTH, rel=1e-9)
+
+
 def frequency(course: list[float], times: list[float]) -> float:
     """Return the angular frequency from two passages through zero, interpolated between steps."""
     values, at = np.array(course), np.array(times)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.optimize import brentq
 pytest.importorskip("dolfinx")
 
 from ruptfx.model import Model
+from ruptfx.simulation import simulate
 
 pytestmark = pytest.mark.fem
 HEIGHT, LENGTH = 8e-3, 12e-3  # m, of both plates together
@@ -64,6 +66,24 @@ def test_resonators_on_a_bar(slowness: float) -> None:
     np.testing.assert_allclose(course, np.cos(w * np.array(times)), atol=2e-4)
     away = state.displacement - mode * np.cos(w * state.time)
     assert np.abs(away).max() < 1e-3
+
+
+def test_records_of_masses_have_their_times(tmp_path: Path) -> None:
+    """With a record in every step their velocity is the central difference of their displacement, as in leapfrog."""
+    push = {"kind": "driven", "edge": "lower.bottom", "component": "z", "velocity": 1.0, "ramp": 2e-6}
+    given = shear_bar([row(2.0, 2e5)], {"boundaries": [push], "duration": 8e-6})
+    step = given.stepper.bind(Model(given)).dt
+    given = given.changed("output.interface_interval", step)
+    with simulate(given, tmp_path / "run", progress=False) as record:
+        found, step = record.attachments["row"], record.summary["time_step"]
+        times = found.time.values
+        np.testing.assert_array_equal(times, record.interfaces["main"].time.values)
+        np.testing.assert_allclose(np.diff(times), step, rtol=1e-9)
+        name = next(str(each) for each in found.data_vars if str(each).startswith("displacement"))
+        moved, speed = found[name].values, found[name.replace("displacement", "velocity")].values
+        central = (moved[2:] - moved[:-2]) / (2 * step)
+        assert np.abs(speed).max() > 0.1
+        np.testing.assert_allclose(speed[1:-1], central, rtol=0, atol=1e-9)
 
 
 LAWS = [

@@ -89,7 +89,10 @@ class SpringBlock(LumpedModel):
                 f"keep it below {0.95 * self.length / (6 * self.force_over_load):.3g} m"
             )
         if self.sample_interval < self.chain().stable_step():
-            raise ValueError(f"sample_interval must be at least the time step, {self.chain().stable_step():.3g} s")
+            raise ValueError(
+                f"sample_interval = {self.sample_interval:g} s: must be at least the largest stable step, "
+                f"{self.chain().stable_step():.3g} s, which follows from masses and stiffnesses"
+            )
         return self
 
     @property

@@ -70,7 +70,7 @@ class SpringSlider(LumpedModel):
                 f"friction.kind = '{self.friction.kind()}': use rate_and_state_ageing, _slip or _saturating"
             )
         if not self.friction.is_uniform():
-            raise ValueError("friction: a single block has one value of each parameter, not a profile")
+            raise ValueError("friction: a single block has one value of each parameter; give numbers, no profile")
         return self
 
     def slider(self) -> Slider:
