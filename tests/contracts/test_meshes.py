@@ -500,5 +500,5 @@ def test_after_gmsh_a_pipe_that_nobody_reads_is_an_error_of_python() -> None:
 
 def test_a_dipping_fault_has_no_half() -> None:
     fields = {"fault_length": 9e-3, "fault_width": 4e-3, "element_size": 1e-3, "beyond": 2e-3, "distance": 3e-3}
-    with pytest.raises(ValueError, match=r"half = true: .*dips at 60 degrees.*leave out half, or make dip 90"):
+    with pytest.raises(ValueError, match=facts(r"half = true: .*dips at 60 degrees.*leave out half, or make dip 90")):
         BoxWithFault.model_validate({**fields, "dip": 60.0, "half": True})

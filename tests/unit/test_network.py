@@ -57,8 +57,6 @@ def test_facets_of_a_square_cut_in_four() -> None:
      "fracture.check_every = 0: input should be greater than or equal to 1"),
     ({"fracture": {"kind": "extrinsic", "stiffness_ratio": 10.0, "default": {"friction": RUBS}}},
      "fracture: unknown key 'stiffness_ratio'"),
-    ({"fracture.kind": "extrinsic", "large_rotations": True},
-     "large_rotations: fracture.kind = 'extrinsic' is for small ones; use .*'intrinsic'"),
     ({"order": 2}, r"order = 2: with \[fracture\] the cells are of order 1"),
     ({"plane": "antiplane", "boundaries": []}, "plane = 'antiplane': bodies break in plane stress and plane strain"),
     ({"fracture.kind": "extrinsic", "stepper": {"kind": "generalized_alpha"}},
