@@ -92,18 +92,8 @@ def test_weakening_friction_has_the_strength_at_the_rate_of_the_cells() -> None:
         assert -found[-1] == pytest.approx(0.2 + 0.4 * np.exp(-1.0), rel=1e-4)
 
 
-@pytest.mark.parametrize("kind", FRICTION := alternatives("ruptfx.friction"))
-def test_cells_rub_with_the_strength_of_every_law(kind: str) -> None:
-    """After 3 mm at 5 m/s: that of the law, advanced with the same rate and force, or a refusal that names another."""
-    given = {"fracture.default.friction": {"kind": kind, **table(FRICTION[kind])}}
-    law: FrictionLaw = parse_case(meeting_blocks(given)).fracture.default.friction
-    try:
-        coefficient = _coefficient(law, "stone-plate")
-    except CaseError as refused:
-        assert str(refused).endswith("use 'coulomb'")
-        with pytest.raises(CaseError, match="friction"):
-            Model(parse_case(meeting_blocks(given)))
-        return
+def rub(law: FrictionLaw, coefficient: float | None) -> None:
+    """Let a cell slide over another one, and compare traction over pressure with the law."""
     step, rate, since, edge, depth = _Law(None if coefficient is not None else law), 5.0, 2e-7, 1e-3, 2e-5
     corners = [0, 0, 1, 0, 0.5, 1], [0.2, depth / edge, 0.7, depth / edge - 1, 1.2, depth / edge]
     cells = edge * np.array(corners)
@@ -120,6 +110,21 @@ def test_cells_rub_with_the_strength_of_every_law(kind: str) -> None:
         state = law.advance(state, np.full(1, rate), load, since)
     expected = law.strength(np.full(1, rate), load, state)
     np.testing.assert_allclose(-memory["traction"] / load, expected / load, rtol=5e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", FRICTION := alternatives("ruptfx.friction"))
+def test_cells_rub_with_the_strength_of_every_law(kind: str) -> None:
+    """After 3 mm at 5 m/s: that of the law, advanced with the same rate and force, or a refusal that names another."""
+    given = {"fracture.default.friction": {"kind": kind, **table(FRICTION[kind])}}
+    law: FrictionLaw = parse_case(meeting_blocks(given)).fracture.default.friction
+    try:
+        coefficient = _coefficient(law, "stone-plate")
+    except CaseError as refused:
+        assert str(refused).endswith("use 'coulomb'")
+        with pytest.raises(CaseError, match="friction"):
+            Model(parse_case(meeting_blocks(given)))
+    else:
+        rub(law, coefficient)
 
 
 def test_a_damped_block_slides_with_the_strength_of_weakening_friction(monkeypatch: pytest.MonkeyPatch) -> None:
