@@ -82,6 +82,19 @@ INLINE double slip_rate_of(const struct points *points, int k, int l)
 }
 
 #if BONDED
+// Strength that a damage leaves, and the normal stress on the secant of the largest opening.
+INLINE void hold_at(const double *number, struct points *points, int l, double bond_damage, double largest)
+{
+    (void)number;
+    double left, slope;
+    { LEFT }
+    left = bond_damage < 1 ? left : 0;
+    const double most = TENSILE_STRENGTH * left, softness = largest / points->compliance[l];
+    points->tension[l] = most;
+    points->bond[l] = COHESION * left;
+    points->sigma[l] = 0 - admissible_normal(-points->trial_normal[l], most, softness, &slope);
+}
+
 // Cohesion at a known opening and slip, and with it the normal stress (cohesive_interface.py).
 INLINE void hold(const struct times *times, const double *number, struct points *points)
 {
@@ -92,36 +105,21 @@ INLINE void hold(const struct times *times, const double *number, struct points 
         const double before = OLD(largest_opening);
         const double bond_opening = points->opening[l] > before ? points->opening[l] : before;
         const double bond_slip = OLD(damaging_slip) + since * sqrt(slid);
-        double damage, left;
+        double damage;
         { DAMAGE }
-        const double bond_damage = damage > OLD(damage) ? damage : OLD(damage);
-        { LEFT }
-        left = bond_damage < 1 ? left : 0;
         NEW(largest_opening) = bond_opening;
         NEW(damaging_slip) = bond_slip;
-        NEW(damage) = bond_damage;
-        const double most = TENSILE_STRENGTH * left, softness = bond_opening / points->compliance[l];
-        double slope;
-        points->tension[l] = most;
-        points->bond[l] = COHESION * left;
-        points->sigma[l] = 0 - admissible_normal(-points->trial_normal[l], most, softness, &slope);
+        NEW(damage) = damage > OLD(damage) ? damage : OLD(damage);
+        hold_at(number, points, l, NEW(damage), bond_opening);
     }
 }
 
 // Cohesion at `points->damage`, and with it the normal stress, of which opening follows.
 INLINE void hold_damaged(const double *number, struct points *points)
 {
-    (void)number;
     EACH_LANE {
-        const double bond_damage = points->damage[l], before = OLD(largest_opening);
-        double left;
-        { LEFT }
-        left = bond_damage < 1 ? left : 0;
-        const double most = TENSILE_STRENGTH * left, softness = before / points->compliance[l];
-        double slope;
-        points->tension[l] = most;
-        points->bond[l] = COHESION * left;
-        points->sigma[l] = 0 - admissible_normal(-points->trial_normal[l], most, softness, &slope);
+        const double before = OLD(largest_opening);
+        hold_at(number, points, l, points->damage[l], before);
         const double opened = (points->sigma[l] - points->trial_normal[l]) * points->compliance[l];
         NEW(largest_opening) = opened > before ? opened : before;
     }
