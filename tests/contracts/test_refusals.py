@@ -24,7 +24,7 @@ PACKAGE = Path(ruptfx.__file__).parent
 DEMOS = Path(__file__).parents[2] / "demos"
 CASES = {path.stem: table for path in sorted(DEMOS.glob("*.toml"))
          if "axes" not in (table := tomllib.loads(path.read_text()))}  # fmt: skip
-WRONG = {"-7.25e+33": -7.25e33, "7.25e+33": 7.25e33, "'seven'": "seven", "True": True}
+WRONG = {"-7.25e+33": -7.25e33, "7.25e+33": 7.25e33, "'seven'": "seven"}
 
 def leaves(node: Any, path: tuple[str | int, ...] = (), kind: str = "") -> Iterator[tuple[str, tuple[str | int, ...]]]:
     """Yield the path of each value but kinds, with a name that is the same wherever its table is used."""
@@ -131,19 +131,23 @@ def text_of(node: ast.expr) -> str | None:
 def refusals() -> Iterator[tuple[str, str]]:
     """Yield the file and the message of every refusal of a case."""
     for path in sorted(PACKAGE.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        source = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(source)) if re.search(r"raise (Case|Value)Error\(", source) else ():
             if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args:
                 name, text = ast.unparse(node.exc.func), text_of(node.exc.args[0])
                 if name in ("CaseError", "ValueError") and text is not None:
                     yield str(path.relative_to(PACKAGE)), text
 
 
+REFUSALS = list(refusals())
+
+
 def test_refusals_are_found() -> None:
-    assert len(list(refusals())) > 250
+    assert len(REFUSALS) > 250
 
 
 @pytest.mark.parametrize("file, message", [
-    pytest.param(file, text, id=f"{file}, {text[:50]}") for file, text in refusals()
+    pytest.param(file, text, id=f"{file}, {text[:50]}") for file, text in REFUSALS
 ])  # fmt: skip
 def test_a_refusal_says_what_to_do_or_what_is_allowed(file: str, message: str) -> None:
     assert REMEDY.search(message) or PASSED_ON.search(message), message

@@ -21,6 +21,29 @@ def bare_returns(source: str) -> list[str]:
             if isinstance(node, ast.Return) and node.value is None]  # fmt: skip
 
 
+def assertions(node: ast.AST, helpers: set[str]) -> Iterator[ast.AST]:
+    """Iterate over assertions: `assert`, `raises`, `assert_allclose` and others, and calls of helpers with one."""
+    for each in ast.walk(node):
+        if isinstance(each, ast.Assert):
+            yield each
+        elif isinstance(each, ast.Call):
+            name = ast.unparse(each.func).rpartition(".")[2]
+            if name in helpers or name in ("raises", "warns", "fail") or name.startswith("assert"):
+                yield each
+
+
+def without_assertions(sources: dict[str, str]) -> list[str]:
+    """Return the tests in which nothing is asserted, neither by themselves nor by functions of these files."""
+    functions = [(path, node) for path, source in sources.items() for node in ast.walk(ast.parse(source))
+                 if isinstance(node, FUNCTIONS)]  # fmt: skip
+    helpers, before = set[str](), -1
+    while len(helpers) > before:
+        before = len(helpers)
+        helpers |= {node.name for _, node in functions if any(assertions(node, helpers))}
+    return [f"{path}: {node.name}" for path, node in functions
+            if node.name.startswith("test_") and node.name not in helpers]  # fmt: skip
+
+
 def own_nodes(parent: ast.AST) -> Iterator[ast.AST]:
     """Iterate over the nodes of a function but those of the functions inside of it."""
     for node in ast.iter_child_nodes(parent):
@@ -71,6 +94,28 @@ def test_what_tests_share_is_in_no_test() -> None:
 def test_no_test_returns_early(path: Path) -> None:
     """It would pass: use `pytest.skip` with a reason, or parametrize with what fits."""
     assert bare_returns(path.read_text(encoding="utf-8")) == []
+
+
+def test_every_test_asserts_something() -> None:
+    sources = {str(path.relative_to(TESTS)): path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
+    assert without_assertions(sources) == []
+
+
+def test_tests_without_assertions_are_found() -> None:
+    source = """
+def compare(a, b):
+    assert a == b
+def twice(a, b):
+    compare(a, b)
+def test_one():
+    twice(1, 1)
+def test_two():
+    print(1)
+def test_three():
+    with pytest.raises(ValueError):
+        int("")
+"""
+    assert without_assertions({"test_x.py": source}) == ["test_x.py: test_two"]
 
 
 def test_bare_returns_are_found() -> None:
