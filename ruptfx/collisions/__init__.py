@@ -7,7 +7,7 @@ pairs and stores their friction, `collide.c` contains the formulas.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
@@ -17,7 +17,9 @@ from ruptfx.schema import Alternative, Unit, alternative
 class Collisions(Alternative):
     """The contract of a way to meet."""
 
-    hand_over: Annotated[float, Field(gt=0, le=1), Unit("1")] = 0.3
+    former_keys: ClassVar[dict[str, str]] = {"hand_over": "activate_at"}
+
+    activate_at: Annotated[float, Field(gt=0, le=1), Unit("1")] = 0.3
     """Opening or slip of a failed facet, over its length, beyond which collision contact replaces it."""
 
     def modulus(self, spring: float, edge: float) -> float:

@@ -321,7 +321,7 @@ class CollisionStep:
         cracks, field = state.cracks, state.cracks[FIELD]
         gone = cracks["damage"] >= 1
         far = np.maximum(cracks["inelastic_opening"], np.abs(cracks["slip"])).max(axis=1)
-        is_far = far > 2 * self._collisions.hand_over * self._cracks.half_length
+        is_far = far > 2 * self._collisions.activate_at * self._cracks.half_length
         # No end is a hinge about which pieces fold: where their sides are opposite, the frame of a facet is undefined.
         handed = gone.any(axis=1) & is_far
         cracks["damage"][handed] = 1.0

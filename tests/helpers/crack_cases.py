@@ -66,7 +66,7 @@ def meeting_blocks(changes: dict[str, Any] | None = None) -> dict[str, Any]:
         }},
         "materials": {"default": GRANITE},
         "fracture": {"kind": "intrinsic", "unresolved": True, "default": {"cohesion": brittle, "friction": RUBS}},
-        "collisions": {"kind": "potential", "hand_over": 0.1},
+        "collisions": {"kind": "potential", "activate_at": 0.1},
         "initial_velocity": {"stone": [30.0, -60.0]},
         "boundaries": [{"kind": "driven", "edge": "plate.bottom", "component": "y", "velocity": 0.0}],
         "output": {"figures": False, "interface_interval": 2e-6, "bulk_interval": 1e-5},

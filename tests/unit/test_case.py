@@ -12,7 +12,7 @@ import tomli_w
 from helpers.messages import facts, facts_of, says
 from helpers.small_cases import impact, merged, plates
 
-from ruptfx.case import Case, override, parse_case, read_case
+from ruptfx.case import override, parse_case, read_case
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.reference.describe import file_schema
 from ruptfx.schema import CaseError
@@ -123,9 +123,8 @@ def test_demos_are_valid_and_round_trip(path: Path) -> None:
     if "axes" in tomllib.loads(path.read_text()):
         pytest.skip("a study, not a case")
     case = read_case(path)
-    if isinstance(case, Case):
-        again = parse_case(tomllib.loads(case.to_toml()))
-        assert again == case and again.hash == case.hash
+    again = parse_case(tomllib.loads(case.to_toml()))
+    assert again == case and again.hash == case.hash
 
 
 def test_round_trip_with_everything() -> None:

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from ruptfx import RuptfxError
 from ruptfx.case import FOLDERS, parse_case
 from ruptfx.cohesion import CohesiveLaw
+from ruptfx.collisions.potential import Potential
 from ruptfx.commands._shared import reported
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
@@ -110,6 +111,11 @@ def test_nearest() -> None:
 def test_find() -> None:
     assert find("ruptfx.friction", "coulomb") is Coulomb
     assert "_rate_and_state" not in kinds("ruptfx.friction")
+
+
+def test_the_former_key_of_collisions_is_read_with_a_note() -> None:
+    with pytest.warns(FormerName, match="'hand_over'.*'activate_at'"):
+        assert Potential.model_validate({"hand_over": 0.5}).activate_at == 0.5
 
 
 def test_former_keys_are_read_with_a_note() -> None:
