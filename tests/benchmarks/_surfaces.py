@@ -17,11 +17,13 @@ from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from ruptfx.case import Case
     from ruptfx.fem import MPI
 
 Array = np.ndarray
+Places = dict[tuple[float, float], float]
 
 FIELDS = ("rupture_time", "peak_slip_rate", "slip_1", "slip_2", "normal_stress", "opening")
 
@@ -37,8 +39,8 @@ class Surface:
     area : ndarray, shape (n,)
         Tributary area [m2].
     fields : dict of ndarray, shape (n,)
-        `FIELDS` at the end, `slip_time`, the time at which the slip along strike or down dip reaches a value [s], and
-        `largest_opening` [m] of all times.
+        `FIELDS` at the end, `slip_time`, the time at which the slip reaches a value [s], `largest_opening` of all
+        times [m], and `plus` and `minus`, how far both sides have moved at the end [m].
     closure : float
         Unaccounted energy over the work of the initial stress.
     steps, nodes : int
@@ -127,13 +129,14 @@ def ruptures(table: Table, comm: MPI.Comm, slip: float, faults: list[str]) -> li
     energies = model.energies(state)
     work = energies.pop("boundary_work")
     closure = abs(work - sum(energies.values())) / work
+    moved = np.linalg.norm(state.displacement.reshape(-1, 3), axis=1)
     found = []
     for name in faults:
         face, now = chosen[name].interface, state.faults[name]
         assert face.across is not None, "only surfaces"
         columns = {
             "strike": face.position, "dip": face.across, "area": face.area, "slip_time": times[name],
-            "largest_opening": opening[name],
+            "largest_opening": opening[name], "plus": moved[face.plus], "minus": moved[face.minus],
             **{each: np.where(np.isfinite(now[each]), now[each], np.nan) for each in FIELDS},
         }  # fmt: skip
         whole = comm.bcast(parallel.gather_fields(comm, face.number, face.owned, columns), root=0)
@@ -152,9 +155,56 @@ def budget(surface: Surface, name: str) -> Check:
     return Check(f"energy closure, {name}", 0.0, surface.closure, 1e-12, "1", "exact")
 
 
-def contours(ax: Axes, surface: Surface, name: str, interval: float, last: float) -> None:
+def symmetry(surface: Surface, name: str, places: Places) -> Check:
+    """Return the check that slip reaches x and -x at the same time."""
+    times = [np.array([surface.at(sign * x, down, "slip_time") for x, down in places]) for sign in (-1, 1)]
+    apart = float(np.abs(times[1] - times[0]).max())
+    return Check(f"time of slip, largest difference of x and -x, {name}", 0.0, apart, 1e-9, "s", "exact")
+
+
+def against_saved(coarse: Surface, finest: Surface | None, names: tuple[str, str], saved: Places, bar: float
+                  ) -> list[Check]:  # fmt: skip
+    """Return the checks of the times of slip on a coarse mesh against saved ones of the finest mesh.
+
+    Parameters
+    ----------
+    coarse : Surface
+    finest : Surface, optional
+        If it was run: its times are compared with the saved ones, too.
+    names : (str, str)
+        Names of both meshes.
+    saved : dict
+        Times on the finest mesh by position along strike and down dip [m] [s].
+    bar : float
+        Tolerance on the coarse mesh [s].
+    """
+    checks = []
+    for (x, down), expected in saved.items():
+        place = f"time of slip, x = {x / 1e3:g} km, {down / 1e3:g} km down dip"
+        at = coarse.at(x, down, "slip_time")
+        checks.append(Check(f"{place}, {names[0]}", expected, at, bar, "s", f"own {names[1]}"))
+        if finest is not None:
+            at = finest.at(x, down, "slip_time")
+            checks.append(Check(f"{place}, {names[1]}", expected, at, 2e-3, "s", "saved of the same mesh"))
+    return checks
+
+
+def draw(runs: dict[str, Surface], title: str, inside: tuple[float, float] = (np.inf, np.inf)) -> Figure:
+    """Draw contours of the times of slip on all meshes, where |x| and the distance down dip are within `inside`."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 3.8 * len(runs)), layout="constrained")
+    for ax, (name, found) in zip(np.ravel(figure.subplots(len(runs), 1)), runs.items(), strict=True):
+        contours(ax, found, "slip_time", 0.5, 12.0, (np.abs(found.strike) <= inside[0]) & (found.dip <= inside[1]))
+        ax.set(title=f"{title}, {name}")
+    return figure
+
+
+def contours(
+    ax: Axes, surface: Surface, name: str, interval: float, last: float, where: Array | bool = True
+) -> None:
     """Draw contours of a time on a surface [s], with labels."""
-    known = np.isfinite(surface.fields[name])
+    known = np.isfinite(surface.fields[name]) & where
     if known.sum() > 3:
         x, y = surface.strike[known] / 1e3, surface.dip[known] / 1e3
         levels = np.arange(interval, last, interval)
