@@ -31,7 +31,7 @@ def draws(path: Path) -> bool:
     return any(len(call.args) > 1 or any(word.arg == "draw" for word in call.keywords) for call in made)
 
 
-FINE_ONLY = {"smooth_sliding"}  # draws with --fine, which takes a quarter of an hour
+FINE_ONLY = {"smooth_sliding", "tpv14"}  # draw with --fine, which takes a quarter of an hour, and a minute
 NAMES = [name for name, path in FILES.items() if name not in (*OF_THE_MACHINE, *FINE_ONLY) and draws(path)]
 
 
