@@ -155,8 +155,10 @@ with (OUT / "descent.csv").open("w", newline="", encoding="utf-8") as file:
     for number, row in enumerate(starts, 1):
         after = descend(number, row, began + 60 * MINUTES * number / SETS)
         for name, sample in (("before", row), ("after", after)):
-            labels.append(f"{number} {name}")
-            kept.append([float(sample[axis.column]) for axis in study.sampled for _ in axis.keys])
+            values = [float(sample[axis.column]) for axis in study.sampled for _ in axis.keys]
+            if values not in kept:  # no step improved it
+                labels.append(f"{number} {name}")
+                kept.append(values)
 
 # %% [markdown]
 # A study of these sets: `ruptfx study studies/four_modes_descent/best.toml --set order=4 --set mesh.element_size=2e-3`.
