@@ -248,6 +248,24 @@ def test_taylor_remainder_of_a_degree_is_of_second_order_through_a_run() -> None
     assert rest[0] < 0.05 and np.log10(rest[0] / rest[-1]) / 2 > 1.9
 
 
+def test_terms_are_the_same_on_two_ranks(tmp_path: Path) -> None:
+    """A shifted and filtered trace, displacements of a surface and a degree, in one objective."""
+    mode = {"kind": "mode_degree", "mode": "pulse", "threshold": 0.1, "loaded_end": 16e-3, "far_end": 30e-3,
+            "spacing": 1e-3, "interval": 5e-7}  # fmt: skip
+    moved = field(x=[10e-3, 15e-3, 20e-3], y=[1e-3, -2e-3, 3e-3], displacement_x=[0.0, 1e-6, 2e-6])
+    terms = [trace(time_shift=1e-7, bandwidth=5e5), moved, mode]
+    unknowns = [{"key": key} for key in (SHIFT, D_C, "faults.main.initial_stress.shear")]
+    case = case_with(terms[0], objective=terms, unknowns=unknowns)
+    (tmp_path / "case.toml").write_text(case.to_toml())
+    found = []
+    for ranks in (1, 2):
+        out = tmp_path / str(ranks)
+        assert launch.run_on(ranks, ["gradient", str(tmp_path / "case.toml"), "--out", str(out), "--quiet"]) == 0
+        found.append(xarray.load_dataset(out / "gradient.nc", engine="h5netcdf"))
+    for name, values in found[0].data_vars.items():
+        np.testing.assert_allclose(found[1][name], values, rtol=1e-10, atol=1e-10 * float(np.abs(values).max()))
+
+
 def test_modes_need_enough_positions_and_times() -> None:
     term = {"kind": "mode_degree", "mode": "crack", "threshold": 0.5, "loaded_end": 16e-3, "far_end": 17e-3,
             "spacing": 1e-3, "interval": 5e-7}  # fmt: skip
