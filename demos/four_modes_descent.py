@@ -31,6 +31,7 @@ HERE = Path(__file__).parent
 OUT = Path("studies/four_modes_descent" + "".join(f"_{each}" for each in sys.argv[3:]))
 SETS, APART = 5, 0.1
 NEAR, RADIUS = 5, 0.02  # gradients near by, and their distance in parts of the ranges
+LEAST = 10.0  # nodes in a zone; with 5 zones at III become narrower than in the start
 LENGTHS = (0.08, 0.04, 0.02, 0.01, 0.005, 0.0025)  # of steps that are tried
 MINUTES = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
 MODES = {"I": "crack", "II": "pulse", "III": "train", "IV": "pulses_into_crack"}
@@ -59,7 +60,7 @@ for row in sorted(rows, key=lambda row: -float(row["score"])):
 
 # %% [markdown]
 # The objective of a loading: one minus the degree of its mode, the mean over both thresholds of the analysis, times
-# the width of zones over five nodes. Its derivative by a part of the range of an axis follows by the chain rule.
+# the width of zones over ten nodes. Its derivative by a part of the range of an axis follows by the chain rule.
 
 
 # %%
@@ -68,7 +69,7 @@ def term(mode, velocity, level):
     steepness = 1.0 if mode == "pulses_into_crack" else 4.0
     return {
         "kind": "mode_degree", "mode": mode, "threshold": level * velocity, "loaded_end": 0.0, "far_end": 140e-3,
-        "spacing": 1e-3, "interval": 1e-6, "least_points": 5.0, "steepness": steepness,
+        "spacing": 1e-3, "interval": 1e-6, "least_points": LEAST, "steepness": steepness,
         "weight": 0.5,
     }  # fmt: skip
 
