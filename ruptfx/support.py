@@ -382,6 +382,10 @@ def _memory(choices: Choices) -> Iterator[Refusal]:
         return
     if not stepper.memory:
         yield Refusal(keys, f"stepper.kind = '{stepper.kind()}' takes no materials with memory", (("stepper",), keys))
+    sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
+    if sliding and "implicit" in stepper.time_schemes:
+        reason = "implicit steps of sliding contact need bodies whose stiffness is constant"
+        yield Refusal(keys, reason, (("stepper",), keys), (sliding,))
     if "fracture" in choices:
         yield Refusal(keys, "bodies that break have no memory", (keys,))
     elif "large_rotations" in choices:

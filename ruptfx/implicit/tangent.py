@@ -13,8 +13,10 @@ from ruptfx.operators.assembled import stiffness_form
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
-    from ruptfx.mechanisms import Reaction
+    from ruptfx.mechanisms import ElementStiffness, Reaction
     from ruptfx.mechanisms._system import System
+
+CHUNK = 64  # elements whose matrices are in memory at once
 
 
 class Tangent:
@@ -89,7 +91,8 @@ class Tangent:
         """
         model, matrix = self._model, self.matrix
         between = [reaction.between() for reaction in reactions]
-        added = [*(reaction.stiffness for reaction in reactions), *between]
+        elements = [each for reaction in reactions for each in reaction.elements()]
+        added = [*(reaction.stiffness for reaction in reactions), *between, *(each.moduli for each in elements)]
         same = (
             self._built is not None
             and self._built[0] == (c_M, c_C)
@@ -116,10 +119,12 @@ class Tangent:
             if len(reaction.stiffness):
                 _add_at_nodes(matrix, reaction.nodes, reaction.stiffness, model.owned_nodes)
             _add_between(matrix, reaction.pairs, blocks_between)
+        for each in elements:
+            _add_in_elements(matrix, each)
         matrix.assemble()
         matrix.zeroRowsColumns(self._given_rows, diag=driven)
         skew = any(np.any(block[:, 1:, 0]) for block in blocks.values())
-        skew = skew or any(np.any(block != np.swapaxes(block, 1, 2)) for block in added)
+        skew = skew or any(np.any(block != np.swapaxes(block, -2, -1)) for block in added)
         return not parallel.anywhere(model.comm, skew)
 
 
@@ -142,6 +147,15 @@ def _add_between(matrix: Any, pairs: np.ndarray, blocks: np.ndarray) -> None:
     both = np.block([[blocks, -blocks], [-blocks, blocks]])
     for pair, block in zip(pairs.astype(fem.PETSc.IntType), both, strict=True):
         matrix.setValuesBlockedLocal(pair, pair, block, addv=fem.PETSc.InsertMode.ADD_VALUES)
+
+
+def _add_in_elements(matrix: Any, added: ElementStiffness) -> None:
+    """Add stiffness between all nodes of elements, in parts that limit temporary memory."""
+    nodes = added.nodes.astype(fem.PETSc.IntType)
+    for first in range(0, len(nodes), CHUNK):
+        part = slice(first, first + CHUNK)
+        for node, block in zip(nodes[part], added.matrices(part), strict=True):
+            matrix.setValuesBlockedLocal(node, node, block, addv=fem.PETSc.InsertMode.ADD_VALUES)
 
 
 def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:

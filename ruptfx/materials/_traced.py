@@ -223,15 +223,27 @@ class TracedMaterial:
         parameters: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:  # fmt: skip
         """Return the exact derivative of the stress by the strain [Pa], shape (components, components, points)."""
+        return self._derivatives(self.stress, strain, state, dt, parameters)
+
+    def inelastic_tangent(
+        self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray], dt: float | np.ndarray,
+        parameters: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """Return the same derivative of the inelastic stress [Pa]."""
+        return self._derivatives(self.inelastic, strain, state, dt, parameters)
+
+    def _derivatives(
+        self, stress: dict[str, Expression], strain: dict[str, np.ndarray], state: dict[str, np.ndarray],
+        dt: float | np.ndarray, parameters: Mapping[str, np.ndarray] | None,
+    ) -> np.ndarray:  # fmt: skip
         outputs = {
-            f"t_{row}_{column}": derivative(self.stress[row], self._strain[column])
+            f"t_{row}_{column}": derivative(stress[row], self._strain[column])
             for row in self.components for column in self.components
         }  # fmt: skip
         like = np.zeros_like(strain[self.components[0]])
         found = [value + like for value in self._numbers(outputs, strain, state, dt, parameters)]
         count = len(self.components)
         return np.stack(found).reshape(count, count, *like.shape)
-
 
     def _numbers(
         self, outputs: dict[str, Expression], strain: dict[str, np.ndarray], state: dict[str, np.ndarray],

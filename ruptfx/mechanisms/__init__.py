@@ -58,6 +58,25 @@ class StepEnd:
 
 
 @dataclass(frozen=True)
+class ElementStiffness:
+    """Stiffness of elements beside that of the elastic bodies: it couples all nodes of an element.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (m, n)
+        Local nodes of the elements that this rank counts, each element once.
+    moduli : ndarray, shape (m, ...)
+        Numbers on which the matrices depend, symmetric in the last two axes where the matrices are.
+    matrices : callable, (slice) -> ndarray, shape (k, n * components, n * components)
+        Exact derivative of minus the force by the displacement [N/m] of some elements.
+    """
+
+    nodes: NDArray[np.int64]
+    moduli: Floats
+    matrices: Callable[[slice], Floats]
+
+
+@dataclass(frozen=True)
 class Reaction:
     """Forces of a mechanism on the bodies for a trial displacement.
 
@@ -77,6 +96,8 @@ class Reaction:
         Derivative of the force on the first node of a pair by the displacement of the second one [N/m]: the force
         depends on the difference of both displacements, and the second node has the opposite force. Called where
         the matrix of a step needs it.
+    elements : callable, () -> list of ElementStiffness
+        Called where the matrix of a step needs it.
     """
 
     nodes: NDArray[np.int64]
@@ -85,6 +106,7 @@ class Reaction:
     fields: Mapping[str, Floats]
     pairs: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     between: Callable[[], Floats] = field(default=lambda: np.zeros((0, 1, 1)))
+    elements: Callable[[], list[ElementStiffness]] = field(default=list)
 
 
 class Mechanism:

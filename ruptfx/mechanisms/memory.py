@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx.fields import Energy
-from ruptfx.mechanisms import Floats, Mechanism, Rows
+from ruptfx.mechanisms import ElementStiffness, Floats, Mechanism, Reaction, Rows, StepEnd
 from ruptfx.mechanisms._check_table import Row
 from ruptfx.platform import parallel
 
@@ -16,15 +17,21 @@ if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan
     from ruptfx.mechanisms._nodes import Kick
     from ruptfx.mechanisms._system import System
-    from ruptfx.state import State
+    from ruptfx.operators._memory import MemorySweep
+    from ruptfx.state import FaultState, State
 
 WORK, HALF = "work of inelastic stress", "half a step of it"
+
+
+def _stiffness(sweep: MemorySweep, moduli: Floats) -> ElementStiffness:
+    return ElementStiffness(sweep.nodes_of_cells, moduli, partial(sweep.matrices, moduli))
 
 
 class Memory(Mechanism):
     """State of the points of elements, and the force that the inelastic stress adds to the elastic one.
 
-    The sweep comes before that of the bulk kernel, so that nodes advance there with both forces.
+    The sweep comes before that of the bulk kernel, so that nodes advance there with both forces. Implicit steps solve
+    for the stress at their end, with its exact derivative.
     """
 
     order = 10
@@ -53,6 +60,45 @@ class Memory(Mechanism):
         power = float(self._force @ state.velocity)
         state.energy[WORK] -= 0.5 * kick.clock.kick * (self._power + power)
         state.energy[HALF] = -0.5 * kick.clock.dt * power
+
+    # -- implicit steps ----------------------------------------------------------------------------
+
+    def respond(self, state: State, end: StepEnd) -> Reaction:
+        advanced = {name: values.copy() for name, values in state.memory.items()}
+
+        def elements() -> list[ElementStiffness]:
+            return [
+                _stiffness(sweep, sweep.tangent(end.displacement, state.memory[name], end.dt))
+                for name, sweep in self.model.memory.items()
+            ]
+
+        return self._reaction(end.displacement, advanced, end.dt, elements)
+
+    def force_of(self, state: State) -> Reaction:
+        present = {name: values.copy() for name, values in state.memory.items()}
+        return self._reaction(state.at_faults()[1], present, 0.0, list)
+
+    def _reaction(
+        self, displacement: Floats, fields: FaultState, dt: float, elements: Callable[[], list[ElementStiffness]]
+    ) -> Reaction:
+        """Return the force of the inelastic stress after a step, to which the fields are advanced; collective."""
+        model = self.model
+        force, c = np.zeros_like(displacement), model.components
+        for name, sweep in model.memory.items():
+            sweep.add_force(displacement, fields[name], dt, force)
+        model.layout.sum_shared(force)
+        return Reaction(np.arange(model.nodes), force.reshape(-1, c), np.zeros((0, c, c)), fields, elements=elements)
+
+    def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
+        """Copy the state of the points; the work is that of the mean of the forces at both ends of the step."""
+        mean = 0.5 * (self.force_of(state).force + reaction.force).ravel()
+        moved = end.displacement - state.at_faults()[1]  # after explicit steps the memory is one step behind
+        state.energy[WORK] -= state.energy[HALF] + self.model.layout.owned_dot(mean, moved)
+        state.energy[HALF] = 0.0
+        for name, values in state.memory.items():
+            values[:] = reaction.fields[name]
+
+    # -- energies ----------------------------------------------------------------------------------
 
     def add_energies(self, state: State, energies: dict[str, float]) -> None:
         """Dissipated until the time of the faults: work of the stress less what is stored then."""

@@ -124,6 +124,12 @@ def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
     return found
 
 
+def jacobian_at(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the Jacobian dx_a / dxi_d of cells at points of the reference cell, shape (cells, points, d, a)."""
+    slopes = np.asarray(_coordinate_element(mesh).tabulate(1, points))[1:, :, :, 0]
+    return np.einsum("dqk,bka->bqda", slopes, _nodes(mesh, cells))
+
+
 def is_tensor(mesh: fem.dolfinx.mesh.Mesh) -> bool:
     """Return whether cells are quadrilaterals or hexahedra."""
     return mesh.basix_cell().name in ("quadrilateral", "hexahedron")

@@ -7,6 +7,8 @@ is that of the bulk operator, of any kind.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterable
+from functools import cached_property
 from importlib.resources import files
 
 import numpy as np
@@ -15,9 +17,12 @@ from ruptfx.codegen import native
 from ruptfx.materials import Material
 from ruptfx.materials._traced import traced
 from ruptfx.operators import Bulk
-from ruptfx.operators._geometry import MULTILINEAR, POINTWISE, VARYING, is_tensor, root_of_size
-from ruptfx.operators.matrix_free import MatrixFree, _reference_cell
+from ruptfx.operators._geometry import MULTILINEAR, POINTWISE, VARYING, is_tensor, jacobian_at, root_of_size
+from ruptfx.operators.matrix_free import MatrixFree, _reference_cell, gauss_lobatto_legendre
 from ruptfx.schema import CaseError
+
+CHUNK = 64  # cells whose maps from displacement to strain are in memory at once
+ROUNDING = 1e-12  # asymmetry of moduli over the largest that is rounding
 
 
 class _Memory(ctypes.Structure):
@@ -56,8 +61,9 @@ class MemorySweep(MatrixFree):
     def __init__(self, bulk: Bulk, material: Material, key: str, number: int = 0) -> None:
         super().__init__(bulk)
         self.law = traced(material, bulk.plane)
-        space = bulk.space
+        self._space = space = bulk.space
         permutation, constants = _reference_cell(space, False, False)
+        self._permutation = permutation
         macros = "".join(f"#define {name} {value}\n" for name, value in self.law.as_c().items())
         parts = [files("ruptfx").joinpath("codegen/lanes.c")]
         parts += [files(__package__).joinpath(name) for name in ("matrix_free.c", "memory.c")]
@@ -119,6 +125,117 @@ class MemorySweep(MatrixFree):
         self._compiled.memory_states(
             *self._start(state), *self._pointers(displacement), ctypes.c_void_p(sums.ctypes.data)
         )
+
+    def tangent(self, displacement: np.ndarray, state: np.ndarray, dt: float) -> np.ndarray:
+        """Return the derivative of the inelastic stress after a step by the strain, times weights of the points.
+
+        Its rows of shear stresses count twice, as they do work on both of two equal components of strain.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (nodes * components,)
+            At the end of the step [m].
+        state : ndarray
+            At its beginning.
+        dt : float
+            [s].
+
+        Returns
+        -------
+        ndarray, shape (cells, points, parts, parts)
+            Exactly symmetric where it is up to rounding; the argument of `matrices`.
+        """
+        batch, lane = self._where
+        rows, given = (each[batch, :, :, lane] for each in (state, self._arrays["parameter"]))
+        c, parts = self._components, len(self.law.components)
+        strain = np.empty((len(self.cells), self.points, parts))
+        for first in range(0, len(self.cells), CHUNK):
+            part = slice(first, first + CHUNK)
+            u = displacement.reshape(-1, c)[self._nodes_of[part]].reshape(-1, 1, self._nodes_of.shape[1] * c, 1)
+            strain[part] = (self._strain_maps(part) @ u)[..., 0]
+
+        def of_points(values: np.ndarray, names: Iterable[str]) -> dict[str, np.ndarray]:
+            return {name: values[:, :, place].ravel() for place, name in enumerate(names)}
+
+        found = self.law.inelastic_tangent(
+            of_points(strain, self.law.components), of_points(rows, self.law.state), dt,
+            of_points(given, self.law.parameters),
+        )  # fmt: skip
+        twice = np.array([1.0 if name[0] == name[1] else 2.0 for name in self.law.components])
+        moduli = np.moveaxis(found, -1, 0).reshape(len(self.cells), self.points, parts, parts) * twice[:, None]
+        turned = np.swapaxes(moduli, -2, -1)
+        if np.abs(moduli - turned).max() <= ROUNDING * np.abs(moduli).max():
+            moduli = 0.5 * (moduli + turned)
+        return np.asarray(moduli * self._volumes[:, :, None, None])
+
+    def matrices(self, moduli: np.ndarray, part: slice) -> np.ndarray:
+        """Return the stiffness of some cells [N/m] from the moduli of `tangent`.
+
+        Returns
+        -------
+        ndarray, shape (k, nodes * components, nodes * components)
+            Nodes in the order of `nodes_of_cells`.
+        """
+        maps = self._strain_maps(part)
+        rows = (len(maps), -1, maps.shape[-1])
+        return np.asarray(np.swapaxes(maps.reshape(rows), 1, 2) @ (moduli[part] @ maps).reshape(rows))
+
+    @property
+    def nodes_of_cells(self) -> np.ndarray:
+        """Local nodes of `cells` in the order of the kernel, shape (cells, nodes)."""
+        return self._nodes_of
+
+    def _strain_maps(self, part: slice) -> np.ndarray:
+        """Return the maps from the displacement of cells to the strain of their points [1/m].
+
+        Returns
+        -------
+        ndarray, shape (k, points, parts, nodes * components)
+        """
+        gradient = np.einsum("cqad,dqk->cqka", self._inverse_jacobian[part], self._slopes)
+        c = self._components
+        maps = np.zeros((*gradient.shape[:2], len(self.law.components), gradient.shape[2], c))
+        for place, name in enumerate(self.law.components):
+            a, b = ("xyz".index(axis) for axis in name)
+            if c == 1:
+                maps[:, :, place, :, 0] = 0.5 * gradient[..., a]
+                continue
+            maps[:, :, place, :, a] += 0.5 * gradient[..., b]
+            maps[:, :, place, :, b] += 0.5 * gradient[..., a]
+        return maps.reshape(*maps.shape[:3], -1)
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """Derivatives of the shape functions along the axes of the reference cell, shape (dim, points, nodes)."""
+        return np.asarray(self._space.element.basix_element.tabulate(1, self._points))[1:, :, self._permutation, 0]
+
+    @cached_property
+    def _points(self) -> np.ndarray:
+        """Points with a state in the reference cell, shape (points, dim)."""
+        points = np.asarray(self._space.element.basix_element.points)[self._permutation]
+        return points if self.points > 1 else points.mean(axis=0, keepdims=True)
+
+    @cached_property
+    def _jacobian(self) -> np.ndarray:
+        """dx_a / dxi_d at all points of the cells, shape (cells, points, d, a) [m]."""
+        return jacobian_at(self._space.mesh, self.cells, self._points)
+
+    @cached_property
+    def _inverse_jacobian(self) -> np.ndarray:
+        """dxi_d / dx_a at all points of the cells, shape (cells, points, a, d) [1/m]."""
+        return np.linalg.inv(self._jacobian)
+
+    @cached_property
+    def _volumes(self) -> np.ndarray:
+        """Weights of the points, shape (cells, points) [m2 or m3]."""
+        dim, weights = self._points.shape[1], np.ones(1)
+        if self.points > 1:
+            of_axis = gauss_lobatto_legendre(self._space.element.basix_element.degree)[1]
+            for _ in range(dim):
+                weights = np.multiply.outer(weights, of_axis).ravel()
+        else:
+            weights = weights / (2, 6)[dim - 2]
+        return np.asarray(weights * np.abs(np.linalg.det(self._jacobian)))
 
     def stored(self, displacement: np.ndarray, state: np.ndarray) -> float:
         """Return the stored energy of the cells owned by this rank [J]."""

@@ -48,6 +48,7 @@ class GeneralizedAlpha(Stepper):
     staged: ClassVar[bool] = True
     fracture: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
+    memory: ClassVar[bool] = True
 
     scheme: SchemeName = "generalized_alpha"
     """Member of the family."""

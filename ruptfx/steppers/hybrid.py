@@ -50,6 +50,7 @@ class Hybrid(Stepper):
     staged: ClassVar[bool] = True
     fracture: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
+    memory: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
     """Stepper of the loading between ruptures. It enforces rigid contact by multipliers, `fast` at split

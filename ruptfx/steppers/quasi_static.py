@@ -51,6 +51,7 @@ class QuasiStatic(Stepper):
     staged: ClassVar[bool] = True
     fracture: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
+    memory: ClassVar[bool] = True
 
     first_step: Duration | None = None
     """First time step; default: the fastest edge or interface moves by the slip tolerance."""

@@ -18,6 +18,7 @@ from ruptfx import Table, fem
 from ruptfx.bench import Check
 from ruptfx.case import Case, read_toml
 from ruptfx.materials._traced import traced
+from ruptfx.materials.continuum_damage import ContinuumDamage
 from ruptfx.materials.drucker_prager import DruckerPrager
 from ruptfx.materials.maxwell import Maxwell
 from ruptfx.materials.prony import Prony
@@ -69,7 +70,8 @@ class Block(MeshSource):
 
 def run(fine: bool, comm: MPI.Comm) -> list[Check]:
     waves = [*_waves(fine, comm), *_layers(comm), *_trapped(comm)]
-    return [*_relaxation(), *_flow(), *_hardening(), *waves, *_blocks(comm), *_off_fault(comm), *_cost(fine)]
+    points = [*_relaxation(), *_flow(), *_hardening(), *_damage()]
+    return [*points, *waves, *_blocks(comm), *_off_fault(comm), *_cost(fine)]
 
 
 def _points(material: Any, shear: np.ndarray, dt: float) -> np.ndarray:
@@ -122,6 +124,51 @@ def _hardening() -> list[Check]:
     exact = limit + over + (three * rate * t - over) * hardening / (three + hardening)
     apart = float(np.abs(found / exact - 1).max())
     return [Check("von_mises: ramp with hardening of a point", 0.0, apart, 1e-8, source="closed form")]
+
+
+def damaged_point(steps: int, cycle: bool) -> float:
+    """Return the error of the stress of a point in uniaxial strain over its strength, against an ODE.
+
+    The strain grows linearly from the begin of damage on, or follows a sine that damages in both senses; steps are
+    exact for the former.
+    """
+    from scipy.integrate import solve_ivp
+
+    T, strength, scale, span = 1e-6, 5e7, 4e-2, 8e-6
+    given = ContinuumDamage.model_validate({
+        **ROCK, "strength": strength, "softening_strain": 1e-2, "relaxation_time": T,
+    })  # fmt: skip
+    law, (first, shear) = traced(given, "strain"), given.lame("strain")
+    young, axial = shear * (3 * first + 2 * shear) / (first + shear), first + 2 * shear
+    begun = strength / np.sqrt(young * axial)
+
+    def strain(t: Any) -> Any:
+        return scale * np.sin(2 * np.pi * t / span) if cycle else begun + scale * t / span
+
+    def rate(t: float, r: np.ndarray) -> np.ndarray:
+        return np.asarray(np.maximum(np.sqrt(young * axial) * np.abs(strain(t)) - r, 0.0) / T)
+
+    t = span * np.arange(steps + 1) / steps
+    solved = solve_ivp(rate, (0, span), [strength], "DOP853", t, rtol=1e-12, atol=1e-6, max_step=span / 4000)
+    r = solved.y[0]
+    exact = strength / r * np.exp((strength - r) / (young * 1e-2)) * axial * strain(t)
+    state, found = {name: np.full(1, value) for name, value in law.state.items()}, []
+    for number, at in enumerate(t):
+        parts = {"xx": np.full(1, strain(at)), "yy": np.zeros(1), "xy": np.zeros(1)}
+        stress, state = law.evaluate(parts, state, span / steps * (number > 0))
+        found.append(float(stress["xx"][0]))
+    return float(np.abs(np.array(found) - exact).max() / strength)
+
+
+def _damage() -> list[Check]:
+    """Compare damage of a point in uniaxial strain with its differential equation."""
+    coarse, fine = damaged_point(2000, True), damaged_point(8000, True)
+    return [
+        Check("continuum_damage: ramp of a point in uniaxial strain", 0.0, damaged_point(40, False), 1e-9, "1", SCIPY),
+        Check("continuum_damage: cycle of a point, error ratio of a quarter of the step", 10.0, coarse / fine,
+              source=SCIPY, relation="at least"),
+        Check("continuum_damage: cycle of a point", 0.0, fine, 1e-5, "1", SCIPY),
+    ]  # fmt: skip
 
 
 def _flow() -> list[Check]:

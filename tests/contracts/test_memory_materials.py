@@ -17,7 +17,9 @@ from ruptfx.check_law import materials as checks
 from ruptfx.check_law.checks import Broken
 from ruptfx.check_law.examples import tables
 from ruptfx.materials import IDENTITY, Material, RecordedState, Tensor
+from ruptfx.materials._tensor import COMPONENTS
 from ruptfx.materials._traced import OF_PLANE, traced
+from ruptfx.materials.continuum_damage import ContinuumDamage
 from ruptfx.materials.drucker_prager import DruckerPrager
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.materials.maxwell import Maxwell
@@ -185,6 +187,34 @@ def test_sweep_agrees_with_the_formula(kind: str, cell: str, order: int, bend: f
         for name, values in found.items():
             other = np.sort(np.concatenate([states[int(cell)][name] for cell in sweep.cells]))
             assert np.allclose(values, other, rtol=1e-9, atol=1e-12 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("cell", "order", "bend"), MESHES)
+def test_stiffness_is_the_derivative_of_the_force(kind: str, cell: str, order: int, bend: float) -> None:
+    """The matrices of implicit steps against differences of the force of the sweep, in every plane of the material."""
+    material = example(kind)
+    for plane in material.planes():
+        if (plane == "solid") != (cell == "hexahedron"):
+            continue
+        bulk, random = bulk_of(material, cell, order, bend, plane), np.random.default_rng(2)
+        sweep, c = MemorySweep(bulk, material, "materials.rock"), bulk.space.dofmap.index_map_bs
+        size, dt = bulk.space.dofmap.index_map.size_local * c, 1e-6
+        state, u, way = sweep.begin(), 0.3 * random.normal(size=size), random.normal(size=size)
+        sweep.add_force(u, state, dt, np.zeros(size))
+        u = u + 0.1 * random.normal(size=size)
+        matrices = sweep.matrices(sweep.tangent(u, state, dt), slice(None))
+        dofs = (c * sweep.nodes_of_cells[..., None] + np.arange(c)).reshape(len(matrices), -1)
+        expected = np.zeros(size)
+        np.add.at(expected, dofs, np.einsum("eij,ej->ei", matrices, way[dofs]))
+
+        step, found = 1e-6, np.zeros(size)
+        for sign in (-1, 1):
+            force = np.zeros(size)
+            sweep.add_force(u + sign * step * way, state.copy(), dt, force)
+            found -= sign * force / (2 * step)
+        assert np.abs(expected).max() > 0
+        assert np.abs(found - expected).max() < 1e-5 * np.abs(stiffness_force(sweep, way)).max()
 
 
 def stiffness_force(sweep: MemorySweep, u: np.ndarray) -> np.ndarray:
@@ -381,6 +411,53 @@ def test_flow_of_drucker_prager() -> None:
         return abs(float(stress["xy"][0]) - exact) / exact
 
     assert max(error(1), error(5), error(1000)) < 1e-10
+
+
+@pytest.mark.parametrize("steps", [1, 7, 200])
+def test_damage_in_uniaxial_strain(steps: int) -> None:
+    """Strain that grows linearly from the strength on, against r' = (tau - r) / T solved to 1e-12: any steps are exact.
+    """
+    from scipy.integrate import solve_ivp
+
+    table = {name: value for name, value in HOMALITE.items() if name != "kind"}
+    given = ContinuumDamage(**table, strength=5e7, softening_strain=1e-2, relaxation_time=1e-6)
+    law, (first, shear), young = traced(given, "strain"), given.lame("strain"), HOMALITE["young_modulus"]
+    size = np.sqrt(young * (first + 2 * shear))  # tau over the strain
+    begun, rate, duration = 5e7 / size, 2e3, 6e-6
+    exact = solve_ivp(
+        lambda t, r: (size * (begun + rate * t) - r) / 1e-6, (0, duration), [5e7], "DOP853", rtol=1e-12, atol=1e-6,
+        max_step=duration / 1000,
+    ).y[0, -1]  # fmt: skip
+    state, stress = {name: np.full(1, value) for name, value in law.state.items()}, {}
+    for number in range(steps + 1):
+        strain = begun + rate * duration * number / steps
+        parts = {"xx": np.full(1, strain), "yy": np.zeros(1), "xy": np.zeros(1)}
+        stress, state = law.evaluate(parts, state, duration / steps * (number > 0))
+    whole = 5e7 / exact * np.exp((5e7 - exact) / (young * 1e-2))
+    assert 0.05 < whole < 0.5
+    assert stress["xx"][0] == pytest.approx(whole * (first + 2 * shear) * strain, rel=1e-10)
+    lateral = whole * first * strain
+    assert stress["yy"][0] == pytest.approx(lateral, rel=1e-10)
+
+
+def test_slow_tension_softens_and_dissipates_what_it_should() -> None:
+    """Uniaxial stress in long steps is f_t exp(-(e - f_t / E) / e_s), and its work f_t^2 / (2 E) + f_t e_s."""
+    table = {name: value for name, value in HOMALITE.items() if name != "kind"}
+    given = ContinuumDamage(**table, strength=5e7, softening_strain=1e-2, relaxation_time=1e-12)
+    young, nu = HOMALITE["young_modulus"], HOMALITE["poisson_ratio"]
+    law, limit = traced(given, "solid"), 5e7 / HOMALITE["young_modulus"]
+    strains, state = np.linspace(0, limit + 0.25, 20001), {name: np.zeros(1) for name in law.state}
+    found = []
+    for strain in strains:
+        parts = dict.fromkeys(COMPONENTS, np.zeros(1)) | {
+            "xx": np.full(1, strain), "yy": np.full(1, -nu * strain), "zz": np.full(1, -nu * strain),
+        }  # fmt: skip
+        stress, state = law.evaluate(parts, state, 1.0)
+        found.append(float(stress["xx"][0]))
+        assert abs(stress["yy"][0]) < 1e-8 * 5e7
+    expected = np.where(strains < limit, young * strains, 5e7 * np.exp((limit - strains) / 1e-2))
+    np.testing.assert_allclose(found, expected, atol=1e-8 * 5e7)
+    assert np.trapezoid(found, strains) == pytest.approx(0.5 * 5e7 * limit + 5e7 * 1e-2, rel=1e-5)
 
 
 def test_cycle_of_drucker_prager_is_of_second_order() -> None:

@@ -1,0 +1,72 @@
+"""Isotropic damage of elastic bodies."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx.materials import IDENTITY, RecordedState, StateField, Tensor
+from ruptfx.materials._overstress import SMALLEST, relaxed
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.schema import Unit
+from ruptfx.units import Duration, VaryingModulus
+
+Strain = Annotated[float, Field(gt=0), Unit("1")]
+
+
+class ContinuumDamage(IsotropicElastic):
+    """Isotropic elasticity whose stiffness falls by a damage d that grows with the strain: sigma = (1 - d) C : strain.
+
+    The size of the strain is tau = sqrt(E strain : C : strain), the stress in uniaxial tension without damage. Its
+    largest effective value r begins at the strength f_t and follows tau with the relaxation time T where it is larger,
+    r' = (tau - r) / T: without it softening would concentrate in one row of elements of any mesh. d = 1 - f_t / r
+    exp(-(r - f_t) / (E e_s)), so that slow uniaxial stress falls as f_t exp(-(e - f_t / E) / e_s). Steps are exact
+    where tau grows linearly. Tension, compression and shear damage alike; damage never heals, since stiffness that
+    returns under strain needs a source of energy.
+    Source: Simo and Ju (1987), Int. J. Solids Struct. 23, 821-840 (strain-based, with viscosity); exponential softening
+    of Oliver, Cervera, Oller and Lubliner (1990), Proc. SCI-C, 945-957.
+    """
+
+    linear: ClassVar[bool] = False
+
+    strength: VaryingModulus
+    """Stress f_t at which damage begins in slow uniaxial tension."""
+    softening_strain: Strain
+    """Strain e_s over which stress falls to 1 / e; f_t^2 / (2 E) + f_t e_s is dissipated per volume."""
+    relaxation_time: Duration
+    """Time T in which the damage follows the strain."""
+
+    def state_fields(self) -> dict[str, StateField]:
+        return {"growth": StateField("1"), "excess": StateField("1")}
+
+    def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
+        elastic, growth = self._elastic(strain), state["growth"]
+        size = np.sqrt(self._young() * strain.dot(elastic) + SMALLEST) / self.strength
+        beyond = size - 1 - growth
+        grown = relaxed(state["excess"], beyond, dt / self.relaxation_time)
+        new = growth + grown
+        return self._whole(new) * elastic, {"growth": new, "excess": np.maximum(beyond - grown, 0.0)}
+
+    def recorded_states(self) -> dict[str, RecordedState]:
+        return {"damage": RecordedState("1", "damage, the lost part of the stiffness")}
+
+    def recorded(self, state: dict[str, Any]) -> dict[str, Any]:
+        return {"damage": 1 - self._whole(state["growth"])}
+
+    def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
+        """Return the elastic energy of the remaining stiffness."""
+        return 0.5 * self._whole(state["growth"]) * strain.dot(self._elastic(strain))
+
+    def _whole(self, growth: Any) -> Any:
+        """Return 1 - d, the remaining part of the stiffness, at r / f_t - 1."""
+        return np.exp(-growth * (self.strength / (self._young() * self.softening_strain))) / (1 + growth)
+
+    def _elastic(self, strain: Tensor) -> Tensor:
+        first, shear = self.lame("strain")
+        return first * strain.trace() * IDENTITY + 2 * shear * strain
+
+    def _young(self) -> Any:
+        first, shear = self.lame("strain")
+        return shear * (3 * first + 2 * shear) / (first + shear)
