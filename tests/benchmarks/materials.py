@@ -42,6 +42,9 @@ YIELDING: Table = {
     **ROCK, "cohesion": 1e6, "friction_angle": 0.5, "relaxation_time": 1e-7,
     "initial_stress": [-6e6, -6e6, -6e6, 0.0, 0.0, 0.0],
 }  # fmt: skip
+FIBRES: Table = {
+    "density": 1478.0, "E_1": 80e9, "E_2": 8.9e9, "nu_12": 0.25, "nu_23": 0.43, "G_12": 3.6e9,
+}  # fmt: skip
 DURATION = 120e-6  # s, of plane waves
 LEAST, END = 5e-5, 3.7  # least plastic strain of a yielded zone; s, when the front of the crack has run for 10 km
 SCIPY = "scipy"
@@ -69,7 +72,7 @@ class Block(MeshSource):
 
 
 def run(fine: bool, comm: MPI.Comm) -> list[Check]:
-    waves = [*_waves(fine, comm), *_layers(comm), *_trapped(comm)]
+    waves = [*_waves(fine, comm), *_layers(comm), *_directions(comm), *_trapped(comm)]
     points = [*_relaxation(), *_flow(), *_hardening(), *_damage()]
     return [*points, *waves, *_blocks(comm), *_off_fault(comm), *_cost(fine)]
 
@@ -316,6 +319,55 @@ def _layers(comm: MPI.Comm) -> list[Check]:
         for wave, plane in (("S", "antiplane"), ("P", "strain"))
         for name, (exact, found) in column_of_layers(plane, comm).items()
     ]
+
+
+def anisotropic_speeds(angle: float, comm: MPI.Comm) -> list[tuple[float, float]]:
+    """Return expected and found speeds of the quasi-P and quasi-S wave at an angle to fibres [m/s].
+
+    A column along y with periodic sides and free ends vibrates as p cos(k y) cos(k c t) without tractions at its ends; rho c^2
+    and p are eigenvalues and vectors of the Christoffel tensor of the direction (Auld 1973). The column starts from rest
+    in that shape, and the projection of the displacement on it changes sign every pi / (k c).
+    """
+    from ruptfx.materials._stiffness import christoffel, tangent_stiffness
+
+    size, rows = 1e-3, 4
+    k = np.pi / (rows * size)
+    sides: list[Table] = [{"kind": "periodic", "first": "rock.left", "second": "rock.right"}]
+    case = Case.model_validate({
+        "plane": "strain", "order": 4, "duration": 1.0, "mesh": Block(columns=1, rows=rows, size=size),
+        "materials": {"default": {"kind": "orthotropic_elastic", "angle": angle, **FIBRES}}, "boundaries": sides,
+        "operator": "ufl_form", "stepper": {"kind": "leapfrog", "safety": 0.3}, "output": {"figures": False},
+    })  # fmt: skip
+    model = Model(case, comm)
+    stiffness = tangent_stiffness(case.materials["default"], "strain")
+    moduli, motions = np.linalg.eigh(christoffel(stiffness, np.array([0.0, 1.0])))
+    found = []
+    for modulus, p in zip(moduli, motions.T, strict=True):
+        speed = float(np.sqrt(modulus / FIBRES["density"]))
+        state, motion = model.initial_state(), case.stepper.bind(model)
+        shape = (np.cos(k * model.coordinates[:, 1])[:, None] * p).ravel()
+        state.displacement[:] = 1e-6 * shape
+        values = [parallel.total(comm, model.layout.owned_dot(shape * model.mass, state.displacement))]
+        while np.count_nonzero(np.diff(np.sign(values))) < 3:
+            motion.step(state)
+            values.append(parallel.total(comm, model.layout.owned_dot(shape * model.mass, state.displacement)))
+        v, t = np.array(values), motion.dt * np.arange(len(values))
+        before = np.flatnonzero(np.diff(np.sign(v)))
+        zeros = t[before] - v[before] * motion.dt / (v[before + 1] - v[before])
+        found.append((speed, float(2 * np.pi / (k * (zeros[2] - zeros[0])))))
+    return found
+
+
+def _directions(comm: MPI.Comm) -> list[Check]:
+    """Compare wave speeds of a fibre composite in 12 directions with the Christoffel equation."""
+    apart: list[list[float]] = [[], []]
+    for angle in np.linspace(0, np.pi, 12, endpoint=False):
+        for errors, (expected, found) in zip(apart, anisotropic_speeds(float(angle), comm), strict=True):
+            errors.append(abs(found / expected - 1))
+    return [
+        Check(f"orthotropic_elastic: {wave} waves in 12 directions, largest error of the speed", 0.0, max(errors), 1e-3,
+              source="Christoffel") for wave, errors in zip(("quasi-S", "quasi-P"), apart, strict=True)
+    ]  # fmt: skip
 
 
 def trapped_period(comm: MPI.Comm) -> tuple[float, float]:

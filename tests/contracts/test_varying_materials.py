@@ -17,7 +17,7 @@ from ruptfx.schema import CaseError
 
 pytest.importorskip("dolfinx")
 
-from benchmarks.materials import Block, column_of_layers, trapped_period
+from benchmarks.materials import Block, anisotropic_speeds, column_of_layers, trapped_period
 from ruptfx import fem, operators
 from ruptfx.boundaries._loading import Loads
 from ruptfx.case import Case, parse_case
@@ -130,6 +130,13 @@ def test_waves_trapped_in_a_zone() -> None:
     """The period of a Love wave, over a boundary between elements."""
     exact, found = trapped_period(COMM)
     assert found == pytest.approx(exact, rel=2e-4)
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.2])
+def test_waves_at_an_angle_to_fibres(angle: float) -> None:
+    """Speeds of the quasi-P and quasi-S wave of the Christoffel equation."""
+    for exact, found in anisotropic_speeds(angle, COMM):
+        assert found == pytest.approx(exact, rel=1e-4)
 
 
 def test_dashpots_have_the_local_impedance() -> None:
