@@ -463,6 +463,45 @@ def _literal(value: float, infinity: str, nan: str) -> str:
     return f"({value!r})" if np.isfinite(value) else f"({'-' * (value < 0)}{infinity})"
 
 
+def uniform_parts(
+    outputs: Mapping[str, Expression], of: Expression, prefix: str
+) -> tuple[dict[str, Expression], dict[str, Expression]]:
+    """Return outputs with new symbols for all parts that depend on one symbol only, and these parts.
+
+    Parameters
+    ----------
+    outputs : mapping of str to Expression
+    of : Expression
+        The symbol, the same at all points.
+    prefix : str
+        Of the names of the new symbols; numbers follow.
+
+    Returns
+    -------
+    dict of str to Expression
+        The outputs.
+    dict of str to Expression
+        The parts by symbol name, to be computed once for all points.
+    """
+    depends: dict[Expression, bool | None] = {}  # None: of constants only
+    parts: dict[Expression, Expression] = {}
+    for node in _ordered(outputs.values()):
+        inner = [depends[arg] for arg in node.args if isinstance(arg, Expression)]
+        of_symbol = node is of if node.op == "symbol" else None
+        if inner:
+            of_symbol = False if False in inner else True if True in inner else None
+        depends[node] = of_symbol
+        if of_symbol is False:
+            for arg in node.args:
+                if isinstance(arg, Expression) and depends[arg] and arg is not of and arg not in parts:
+                    parts[arg] = symbol(f"{prefix}{len(parts)}")
+    for output in outputs.values():
+        if depends[output] and output is not of and output not in parts:
+            parts[output] = symbol(f"{prefix}{len(parts)}")
+    kept = dict(zip(outputs, substituted(outputs.values(), parts), strict=True))
+    return kept, {made.args[0]: part for part, made in parts.items()}
+
+
 def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[..., tuple[np.ndarray, ...]]:
     """Return a function of arrays, in the order of `inputs`, that returns the outputs in their order."""
     names: dict[Expression, str] = {}

@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.codegen.tracing import Expression, apply, constant, derivative, record, symbol, to_c, to_numpy
+from ruptfx.codegen.tracing import (
+    Expression,
+    apply,
+    constant,
+    derivative,
+    record,
+    symbol,
+    to_c,
+    to_numpy,
+    uniform_parts,
+)
 from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.materials._tensor import COMPONENTS, Tensor
 
@@ -187,18 +197,23 @@ class TracedMaterial:
     def as_c(self) -> dict[str, object]:
         """Return macros for `memory.c`: numbers of variables, and the formulas as C statements."""
         state, parts = list(self.state), self.components
+        stress = {f"STRESS({place})": self.inelastic[name] for place, name in enumerate(parts)}
+        new = {f"STATE({place})": self.advanced[name] for place, name in enumerate(state)}
+        step, once = uniform_parts(stress | new, self._dt, "o_")  # such as exp(-dt / T)
+        stress = {name: step[name] for name in stress}
         read = " ".join(f"const double s_{name} = STATE({place});" for place, name in enumerate(state))
         read += " ".join(f" const double e_{name} = STRAIN({place});" for place, name in enumerate(parts))
         read += " ".join(f" const double p_{place} = PARAMETER({place});" for place in range(len(self.parameters)))
         used = "".join(f" (void)p_{place};" for place in range(len(self.parameters)))
+        used += "".join(f" (void){name};" for name in once)
         used += "".join(f" (void)s_{name};" for name in state) + "".join(f" (void)e_{name};" for name in parts)
-        stress = {f"STRESS({place})": self.inelastic[name] for place, name in enumerate(parts)}
-        new = {f"STATE({place})": self.advanced[name] for place, name in enumerate(state)}
+        read += "".join(f" const double {name} = once[{place}];" for place, name in enumerate(once))
         return {
             "FIELDS": len(state), "PARAMETERS": len(self.parameters), "PARTS": len(parts), "LAW_READ": read + used,
-            "LAW_STEP": to_c(stress | new, end=" \\\n"), "LAW_PRESENT": to_c(stress, end=" \\\n"),
+            "LAW_STEP": to_c(step, end=" \\\n"), "LAW_PRESENT": to_c(stress, end=" \\\n"),
             "LAW_STORED": to_c({"stored": self.stored}, end=" \\\n"),
-            "RECORDED": len(self.recorded),
+            "RECORDED": len(self.recorded), "ONCE": len(once),
+            "LAW_ONCE": to_c({f"once[{place}]": part for place, part in enumerate(once.values())}, end=" \\\n"),
             "LAW_RECORDED": to_c(
                 {f"STRESS({place})": value for place, value in enumerate(self.recorded.values())}, end=" \\\n"
             ),

@@ -69,9 +69,9 @@ class DruckerPrager(IsotropicElastic):
         tau, limit = self.shear_and_strength(total)
         beyond = tau - limit
         flown = relaxed(state["overstress"], beyond, dt / self.relaxation_time)
-        returned = np.minimum(flown / tau, 1.0) * self.flow(total)
-        return trial - returned, {
-            "plastic_strain": state["plastic_strain"] + returned / (2 * shear),
+        part, flow = np.minimum(flown / tau, 1.0), self.flow(total)
+        return trial - part * flow, {
+            "plastic_strain": state["plastic_strain"] + (part / (2 * shear)) * flow,
             "overstress": np.maximum(beyond - np.minimum(flown, tau), 0.0),
         }
 

@@ -2,7 +2,7 @@
 // whose geometry and gradients it uses, and in front of both the macros of a traced material:
 // FIELDS, numbers of state at a point; PARAMETERS, numbers of a law that vary in the bodies; PARTS, components of strain; LAW_READ,
 // declarations of state, strain and parameters; LAW_STEP, LAW_PRESENT, LAW_STORED and LAW_RECORDED, the formulas; RECORDED, numbers
-// that snapshots contain of the state of a point.
+// that snapshots contain of the state of a point; LAW_ONCE, ONCE parts of the formulas that are the same at all points of a step.
 
 #include <math.h>
 
@@ -27,9 +27,9 @@ enum { ADVANCED, PRESENT, ENERGY, STATES };
 // The formulas of one point, in every lane.
 static inline __attribute__((always_inline)) void at_point(const int what, double dt, const double *restrict strain,
                                                            double *restrict state, const double *restrict parameter,
-                                                           double *restrict stress)
+                                                           const double *restrict once, double *restrict stress)
 {
-    (void)dt, (void)parameter;
+    (void)dt, (void)parameter, (void)once;
     if (what == ADVANCED)
 #pragma omp simd
         for (int l = 0; l < LANES; l++) {
@@ -68,7 +68,7 @@ static inline __attribute__((always_inline)) void at_point(const int what, doubl
 #endif
 
 INLINE lanes memory_batch(const int geometry, const int what, const struct plan *plan, const struct memory *memory, long b,
-                          double dt, const double *displacement, double *sums)
+                          double dt, const double *once, const double *displacement, double *sums)
 {
     const int *dof = plan->dof + b * NODES * LANES;
     struct cell cell = open_cell(geometry, plan->number + plan->start[b] + (plan->kind[b] >= VARYING ? 2 * NODES : 0));
@@ -119,7 +119,7 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
             UNROLL for (int a = c; a < DIM; a++) e[PLACE(c, a)] = 0.5 * (h[c][a] + h[a][c]);
 #endif
         const lanes *const parameter = memory->parameter + (b * POINTS + q) * PARAMETERS;
-        at_point(what, dt, (const double *)e, (double *)state, (const double *)parameter, (double *)s);
+        at_point(what, dt, (const double *)e, (double *)state, (const double *)parameter, once, (double *)s);
         const lanes volume = geometry == MULTILINEAR ? size / inverse : size * size;
         if (what == ENERGY) {
             total += -MINUS_WEIGHT[q] * volume * s[0];
@@ -173,10 +173,14 @@ static inline double memory_sweep(const int what, const struct plan *plan, const
                                   double dt, const double *displacement, double *sums)
 {
     lanes total = {0};
+    double once[ONCE + 1];
+    {
+        LAW_ONCE
+    }
     for (long b = 0; b < batches; b++)
         switch (GEOMETRY(plan->kind[b])) {
 #define MEMORY_CASE(geometry) \
-    case geometry: total += memory_batch(geometry, what, plan, memory, b, dt, displacement, sums); break;
+    case geometry: total += memory_batch(geometry, what, plan, memory, b, dt, once, displacement, sums); break;
             MEMORY_CASE(AFFINE)
 #if !SIMPLEX
             MEMORY_CASE(BOX)

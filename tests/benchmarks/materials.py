@@ -324,9 +324,9 @@ def _layers(comm: MPI.Comm) -> list[Check]:
 def anisotropic_speeds(angle: float, comm: MPI.Comm) -> list[tuple[float, float]]:
     """Return expected and found speeds of the quasi-P and quasi-S wave at an angle to fibres [m/s].
 
-    A column along y with periodic sides and free ends vibrates as p cos(k y) cos(k c t) without tractions at its ends; rho c^2
-    and p are eigenvalues and vectors of the Christoffel tensor of the direction (Auld 1973). The column starts from rest
-    in that shape, and the projection of the displacement on it changes sign every pi / (k c).
+    A column along y with periodic sides and free ends vibrates as p cos(k y) cos(k c t) without tractions at its ends,
+    with eigenvalues rho c^2 and eigenvectors p of the Christoffel tensor of the direction (Auld 1973). The column
+    starts from rest in that shape, and the projection of the displacement on it changes sign every pi / (k c).
     """
     from ruptfx.materials._stiffness import christoffel, tangent_stiffness
 

@@ -9,7 +9,18 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.codegen.tracing import _C, _RULES, _SPELLED, apply, constant, derivative, symbol, to_c, to_numpy
+from ruptfx.codegen.tracing import (
+    _C,
+    _RULES,
+    _SPELLED,
+    apply,
+    constant,
+    derivative,
+    symbol,
+    to_c,
+    to_numpy,
+    uniform_parts,
+)
 
 X, Y = symbol("x"), symbol("y")
 POINTS = np.linspace(0.15, 2.9, 23)
@@ -211,3 +222,16 @@ def test_compiled_c_is_numpy(tmp_path: Any) -> None:
         function(ctypes.c_double(x), ctypes.c_double(y), ctypes.c_void_p(out.ctypes.data))
         expected = to_numpy(parts, ["x", "y"])(x, y)
         np.testing.assert_allclose(out, np.array(expected, float), rtol=1e-13)
+
+
+def test_parts_of_one_symbol_are_computed_once() -> None:
+    """exp(-y) and its sum with 1 are parts, y itself and x y are not; the values are bitwise the same."""
+    kept = np.exp(-Y)
+    outputs = {"f": X * (kept + 1) + X * Y, "g": kept * 2, "h": X + 1, "i": Y}
+    found, parts = uniform_parts(outputs, Y, "o_")
+    assert set(parts.values()) == {kept + 1, kept * 2}
+    at = {name: to_numpy({"p": part}, ["y"])(0.3)[0] for name, part in parts.items()}
+    whole = to_numpy(outputs, ["x", "y"])(POINTS, 0.3)
+    split = to_numpy(found, ["x", "y", *parts])(POINTS, 0.3, *at.values())
+    for one, other in zip(whole, split, strict=True):
+        np.testing.assert_array_equal(one, other)
