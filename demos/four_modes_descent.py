@@ -25,6 +25,7 @@ from ruptfx import RuptfxError, fem
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.case import Case
 from ruptfx.misfits import Unknown
+from ruptfx.script import begin
 from ruptfx.study import read_study
 
 HERE = Path(__file__).parent
@@ -36,6 +37,9 @@ LENGTHS = (0.08, 0.04, 0.02, 0.01, 0.005, 0.0025)  # of steps that are tried
 MINUTES = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
 MODES = {"I": "crack", "II": "pulse", "III": "train", "IV": "pulses_into_crack"}
 WANTED = sys.argv[3:] or list(MODES)
+begin(OUT)
+if len(sys.argv) < 2 or not Path(sys.argv[1]).is_file():
+    raise RuptfxError("the first argument is the file with the scores of the search, scores.csv")
 study = read_study(HERE / "four_modes_two.toml")
 base = study.base()
 axes = [axis for axis in study.sampled if ".friction." in axis.keys[0]]

@@ -211,12 +211,16 @@ def test_a_path_of_all_modes_takes_never_less(kind: str) -> None:
 
 def test_a_damage_that_agrees_with_nothing_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """Strength that doubles at half of the damage: more damage opens less, and none agrees with the opening."""
-    monkeypatch.setattr(Linear, "left", lambda law, damage: np.where(damage > 0.5, 1.0, 0.2) * (1.0 - damage))
+
+    def fraction(law: Linear, damage: np.ndarray) -> np.ndarray:
+        return np.where(damage > 0.5, 1.0, 0.2) * (1.0 - damage)
+
+    monkeypatch.setattr(Linear, "remaining_fraction", fraction)
     pair = Facet(law_of("linear"))
     pair.jump(1e-8, 0.0)
     pair.cracks.require_balance(0.0)
-    # An opening w beyond the spring leaves D = w / 20 um; with left = 0.1 just below D = 0.5 and 0.5 just above it,
-    # w + f_t left / k = 10.2 um is too much for the one and too little for the other.
+    # An opening w beyond the spring leaves D = w / 20 um; a fraction of 0.1 just below D = 0.5 and 0.5 just above it,
+    # w + f_t fraction / k = 10.2 um is too much for the one and too little for the other.
     pair.jump(10e-6 + 0.3 * BOND["f_t"] / pair.stiffness, 0.0)
     with pytest.raises(RuptfxError, match=facts(r"no damage of the facet at \(.*\) m agrees .* at time 3e-06 s")):
         pair.cracks.require_balance(3e-6)
