@@ -42,6 +42,7 @@ NO_NUMBERS = {
     r"output\.plate_thickness": "figures of fringes read it from case.toml; refused where there are no plates",
     r"materials\.\w+\.fringe_constant": "the same",
     r"operator": "operators agree to rounding",
+    r"mesh\.half": "removes the edges of `minus` that are loaded here; test_half_models.py compares it with the whole",
     r"stepper(\.slow)?\.petsc_options": "options of solvers, which agree to their tolerance",
     r"faults\.\w+\.contact\.(penalty|tolerance|sweeps)": "of iterations, which agree to their tolerance",
     r"stepper\.rate_tolerance": "of an error that counts beside `slip_tolerance` where slip rates change a lot",
