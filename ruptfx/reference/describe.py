@@ -43,8 +43,7 @@ from ruptfx.study.goals import Goal, Search
 
 FOLDERS = (
     "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries", "attachments", "contact", "materials",
-    "meshes", "initial_stress", "phases", "steppers", "operators", "instruments", "misfits", "cameras", "profiles",
-    "lumped",
+    "meshes", "phases", "steppers", "operators", "instruments", "misfits", "cameras", "profiles", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},
