@@ -180,6 +180,14 @@ def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
     return geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap
 
 
+def corners_of_facets(mesh: dolfinx.mesh.Mesh, facets: np.ndarray, count: int) -> np.ndarray:
+    """Return the geometry nodes at the `count` corners of each local facet, shape (facets, count)."""
+    if len(facets) == 0:  # DOLFINx 0.9 divides by their number
+        return np.zeros((0, count), dtype=np.int64)
+    nodes = dolfinx.mesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets).reshape(len(facets), -1)
+    return nodes[:, :count].astype(np.int64)  # nodes on curved sides come after the corners
+
+
 def tabulate(space: dolfinx.fem.FunctionSpace, reference: np.ndarray) -> np.ndarray:
     """Return shape functions of a cell and derivatives along its axes, shape (1 + dim, nodes), at a reference point."""
     return np.asarray(space.element.basix_element.tabulate(1, reference[None]))[:, 0, :, 0]
@@ -231,10 +239,10 @@ def create_mesh(
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=element, partitioner=partitioner)  # type: ignore[arg-type]
 
 
-def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndarray:
+def assemble_summed(space: dolfinx.fem.FunctionSpace, expression: ufl.Form) -> np.ndarray:
     """Return an assembled linear form, complete at every local degree of freedom and ghost, shape (local dofs,)."""
     vector = dolfinx.fem.Function(space)
-    dolfinx.fem.assemble_vector(vector.x.array, dolfinx.fem.form(form))
+    dolfinx.fem.assemble_vector(vector.x.array, form(expression))
     vector.x.scatter_reverse(dolfinx.la.InsertMode.add)
     vector.x.scatter_forward()
     return vector.x.array.copy()
@@ -253,9 +261,32 @@ def from_owners(space: dolfinx.fem.FunctionSpace, nodal: np.ndarray) -> np.ndarr
     return function.x.array.reshape(nodal.shape).copy()
 
 
-def bilinear(form: ufl.Form) -> dolfinx.fem.Form:
-    """Return a compiled bilinear form."""
-    return dolfinx.fem.form(form, jit_options=JIT_OPTIONS)
+def form(expression: ufl.Form, tuned: bool = True) -> Any:
+    """Return a compiled form, from the folder of compiled forms if it is there; collective.
+
+    Parameters
+    ----------
+    expression : ufl.Form
+    tuned : bool
+        Compile for this processor; else with the flags that DOLFINx chooses.
+
+    Raises
+    ------
+    RuptfxError
+        Another process has not compiled the same form in time: it was killed, or it is slow.
+    """
+    options = dict(JIT_OPTIONS)
+    if not tuned:
+        del options["cffi_extra_compile_args"]
+    try:
+        return dolfinx.fem.form(expression, jit_options=options)
+    except (TimeoutError, RuntimeError) as failed:
+        if "JIT compilation" not in str(failed):
+            raise
+        raise RuptfxError(
+            f"the weak form could not be compiled: {failed}; if another run that was killed began to compile it, try "
+            f"again in 5 min, or remove the folder {options['cache_dir']}"
+        ) from failed
 
 
 def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] | None = None) -> PETSc.Mat:

@@ -269,8 +269,8 @@ def work(dim: int, order: int, geometry: str, nodes: int) -> Table | None:
         must_move = 8 * (4 * model.components + 1)
         row["ratio_to_bandwidth"] = must_move * model.total_nodes / step / bandwidth()
         row["interface_share"] = interface_share(motion, state)
-        row["ratio_to_ufl_form"] = ufl_step(model, state, motion.dt, fem.JIT_OPTIONS) / step
-        row["ratio_to_stock_ufl_form"] = ufl_step(model, state, motion.dt, {}) / step
+        row["ratio_to_ufl_form"] = ufl_step(model, state, motion.dt, tuned=True) / step
+        row["ratio_to_stock_ufl_form"] = ufl_step(model, state, motion.dt, tuned=False) / step
         del model, motion, state
         row["ratio_to_petsc"] = petsc_product(dim, order) * row["node_updates_per_second_per_core"]
     return row if comm.rank == 0 else None
@@ -327,9 +327,9 @@ def bandwidth() -> float:
     return 3 * x.nbytes / seconds
 
 
-def ufl_step(model: Model, state: State, dt: float, jit_options: Table) -> float:
+def ufl_step(model: Model, state: State, dt: float, tuned: bool) -> float:
     """Measure the processor time of the same bulk step with the reference operator [s]."""
-    reference = UflForm(model.bulk, jit_options)
+    reference = UflForm(model.bulk, tuned)
     inverse_mass = dt / model.mass
 
     def step() -> None:
@@ -348,7 +348,7 @@ def petsc_product(dim: int, order: int) -> float:
     ufl, u = fem.ufl, fem.dolfinx.fem.Function(model.space)
     test, trial = ufl.TestFunction(model.space), ufl.TrialFunction(model.space)
     form = ufl.derivative(ufl.derivative(energy(model.bulk, u, measure(model.bulk)), u, test), u, trial)
-    matrix = fem.dolfinx.fem.petsc.assemble_matrix(fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS))
+    matrix = fem.dolfinx.fem.petsc.assemble_matrix(fem.form(form))
     matrix.assemble()
     x, y = matrix.createVecs()
     x.set(1.0)

@@ -424,7 +424,7 @@ def _facet_ends(nodes: Nodes, side: str) -> _FacetEnds:
     facets = bodies.facets.find(bodies.tags[side])
     cells = np.array([mesh.topology.connectivity(1, 2).links(facet)[0] for facet in facets], dtype=np.int64)
     geometry = fem.geometry_dofmap(mesh)[cells]
-    of_facets = fem.dolfinx.mesh.entities_to_geometry(mesh, 1, facets).reshape(len(facets), 2)
+    of_facets = fem.corners_of_facets(mesh, facets, 2)
     on = (geometry[:, :, None] == of_facets[:, None, :]).any(axis=2)
     corner = np.nonzero(on)[1].reshape(-1, 2)
     inputs = mesh.geometry.input_global_indices[np.take_along_axis(geometry, corner, axis=1)]

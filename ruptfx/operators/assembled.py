@@ -11,7 +11,7 @@ from ruptfx.operators.ufl_form import energy, measure
 
 def stiffness_form(bulk: Bulk) -> fem.dolfinx.fem.Form:
     """Return the compiled second derivative of the strain energy: K of linear materials."""
-    return fem.bilinear(_second_derivative(bulk))
+    return fem.form(_second_derivative(bulk))
 
 
 def is_linear(bulk: Bulk) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import Table, fem
+from ruptfx import fem
 from ruptfx.materials import Plane
 from ruptfx.operators import Bulk
 from ruptfx.space import axisymmetry
@@ -89,18 +89,18 @@ class UflForm:
     Parameters
     ----------
     bulk : Bulk
-    jit_options : dict
-        Compiler options of the form; empty for the default flags of DOLFINx.
+    tuned : bool
+        Compile the form for this processor; else with the flags that DOLFINx chooses.
     """
 
-    def __init__(self, bulk: Bulk, jit_options: Table = fem.JIT_OPTIONS) -> None:
+    def __init__(self, bulk: Bulk, tuned: bool = True) -> None:
         space = bulk.space
-        self._bulk, self._jit_options = bulk, jit_options
+        self._bulk, self._tuned = bulk, tuned
         self._displacement = fem.dolfinx.fem.Function(space)
         test = fem.ufl.TestFunction(space)
         dx, u = measure(bulk), self._displacement
         form = fem.ufl.derivative(energy(bulk, u, dx), u, test)
-        self._force = fem.dolfinx.fem.form(form, jit_options=jit_options)
+        self._force = fem.form(form, tuned)
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         self._displacement.x.array[:] = displacement
@@ -133,9 +133,9 @@ class UflForm:
         rate = fem.ufl.sym(F.T * fem.ufl.grad(velocity))
         potential = sum(energy_density(bulk, index, rate) * dx(index) for index in range(len(bulk.materials)))
         form = fem.ufl.derivative(potential, velocity, fem.ufl.TestFunction(bulk.space))
-        return fem.dolfinx.fem.form(form, jit_options=self._jit_options)
+        return fem.form(form, self._tuned)
 
     @cached_property
     def _energy(self) -> fem.dolfinx.fem.Form:
         stored = energy(self._bulk, self._displacement, measure(self._bulk))
-        return fem.dolfinx.fem.form(stored, jit_options=self._jit_options)
+        return fem.form(stored, self._tuned)

@@ -284,7 +284,7 @@ class BulkFields:
                         stress = turn * stress * turn.T
                     picked = [stress[entry] for entry in pair] + [0.0] * (c - len(pair))
                     form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)
-                forms.append((fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS), len(pair)))
+                forms.append((fem.form(form), len(pair)))
             self._stress_forms = forms
         self._displacement.x.array[:] = displacement
         first = 0
@@ -357,7 +357,7 @@ class BulkFields:
         # The normal that leaves the plus body points into the minus one.
         outward = fem.ufl.FacetNormal(model.mesh)
         measure = model.edge_measure(model.bodies.tags[f"{fault.name}.plus"])
-        area = [-fem.dolfinx.fem.assemble_scalar(fem.dolfinx.fem.form(n * measure)) for n in outward]
+        area = [-fem.dolfinx.fem.assemble_scalar(fem.form(n * measure)) for n in outward]
         weight = face.owned * face.weight
         sums = parallel.total(
             model.comm, [*area, weight.sum(), weight @ fault.normal_stress_0, *(weight @ fault.shear_traction_0)]

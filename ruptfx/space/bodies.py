@@ -501,11 +501,8 @@ def _tag_facets(
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)
     exterior = fem.dolfinx.mesh.exterior_facet_indices(mesh.topology)
-    count = len(FACETS[mesh.basix_cell().name][0])  # vertices, which come before the nodes on curved sides
-    inputs = np.zeros((0, count), dtype=np.int64)
-    if len(exterior):  # DOLFINx 0.9 divides by their number
-        nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, dim - 1, exterior).reshape(len(exterior), -1)[:, :count]
-        inputs = np.sort(mesh.geometry.input_global_indices[nodes.astype(np.int64)], axis=1)
+    nodes = fem.corners_of_facets(mesh, exterior, len(FACETS[mesh.basix_cell().name][0]))
+    inputs = np.sort(mesh.geometry.input_global_indices[nodes], axis=1)
     values = 1 + find(inputs).astype(np.int32)
     keep = values > 0
     order = np.argsort(exterior[keep])

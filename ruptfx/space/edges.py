@@ -177,11 +177,8 @@ class Edge:
     def normals(self) -> np.ndarray:
         """Return the unit normal of every facet, of either sign, shape (facets, dim)."""
         mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
-        if len(self.facets) == 0:  # DOLFINx 0.9 divides by their number
-            return np.zeros((0, side + 1))
         count = len(FACETS[mesh.basix_cell().name][0])
-        nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, side, self.facets).reshape(len(self.facets), -1)
-        x = mesh.geometry.x[nodes[:, :count]]
+        x = mesh.geometry.x[fem.corners_of_facets(mesh, self.facets, count)]
         along = x[:, 1:] - x[:, :1]
         normal = np.cross(along[:, 0], along[:, 1] if side == 2 else [0.0, 0.0, 1.0])[:, : side + 1]
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)

@@ -110,8 +110,8 @@ def _weak_form(model: Model, state: State) -> Callable[[], None]:
     bulk, ufl = UflForm(model.bulk), fem.ufl
     u, v = fem.dolfinx.fem.Function(model.space), ufl.TestFunction(model.space)
     ends = ufl.Measure("dS", domain=model.mesh, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
-    facets = None if model.cracks.fracture.rigid else fem.dolfinx.fem.form(
-        model.cracks.stiffness[0] * ufl.inner(ufl.jump(u), ufl.jump(v)) * ends, jit_options=fem.JIT_OPTIONS
+    facets = None if model.cracks.fracture.rigid else fem.form(
+        model.cracks.stiffness[0] * ufl.inner(ufl.jump(u), ufl.jump(v)) * ends
     )  # fmt: skip
     force = np.zeros_like(state.force)
 

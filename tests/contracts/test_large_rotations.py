@@ -94,7 +94,7 @@ def test_energy_is_that_of_the_singular_values() -> None:
         first, shear = material.lame("strain")
         one = fem.dolfinx.fem.Constant(given.space.mesh, 1.0)
         area = fem.dolfinx.fem.assemble_scalar(
-            fem.dolfinx.fem.form(one * operators.ufl_form.measure(given)(index))
+            fem.form(one * operators.ufl_form.measure(given)(index))
         )
         expected += area * (0.5 * first * stretch.sum() ** 2 + shear * np.sum(stretch**2))
     assert found == pytest.approx(expected, rel=1e-12)

@@ -333,7 +333,7 @@ def test_states_have_the_weight_of_their_elements(cell: str, order: int, bend: f
     sums = np.zeros((nodes, 2))
     sweep.add_recorded(np.zeros(nodes * bulk.space.dofmap.index_map_bs), state, sums)
     piecewise = fem.ufl.TestFunction(fem.dolfinx.fem.functionspace(mesh, ("DG", 0)))
-    form = fem.dolfinx.fem.form(piecewise * fem.ufl.dx(metadata={"quadrature_degree": 4}))
+    form = fem.form(piecewise * fem.ufl.dx(metadata={"quadrature_degree": 4}))
     volume = np.where(bulk.only, fem.dolfinx.fem.assemble_vector(form).array, 0.0)
     np.testing.assert_allclose(sums[:, 1].sum(), volume.sum(), rtol=1e-12)
     np.testing.assert_allclose(sums[:, 0].sum(), volume @ (1.0 + np.arange(len(volume))), rtol=1e-12)

@@ -254,7 +254,7 @@ def volume(bulk: Bulk, index: int) -> float:
     one = fem.dolfinx.fem.Constant(mesh, 1.0)
     if bulk.plane == "axisymmetric":  # about y = 0
         one = 2 * np.pi * fem.ufl.SpatialCoordinate(mesh)[1]
-    return mesh.comm.allreduce(fem.dolfinx.fem.assemble_scalar(fem.dolfinx.fem.form(one * dx(index))))
+    return mesh.comm.allreduce(fem.dolfinx.fem.assemble_scalar(fem.form(one * dx(index))))
 
 
 # -- the fused step ------------------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ def distance(model: Model, displacement: np.ndarray, k: float, amplitude: float)
     x, y = ufl.SpatialCoordinate(model.mesh)
     mode = float(amplitude) * ufl.as_vector([ufl.cos(k * x) * ufl.sin(k * y), -ufl.sin(k * x) * ufl.cos(k * y)])
     dx = ufl.Measure("dx", domain=model.mesh, metadata={"quadrature_degree": 2 * model.case.order + 4})
-    square = fem.dolfinx.fem.form(ufl.inner(found - mode, found - mode) * dx)
+    square = fem.form(ufl.inner(found - mode, found - mode) * dx)
     return float(np.sqrt(fem.dolfinx.fem.assemble_scalar(square)))
 
 
