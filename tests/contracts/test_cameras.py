@@ -17,6 +17,7 @@ from helpers.small_cases import plates
 from PIL import Image
 from typer.testing import CliRunner
 
+from ruptfx import RuptfxError
 from ruptfx.analysis import image_correlation
 from ruptfx.analysis.polariscope import Camera as Optics
 from ruptfx.cameras import camera_from
@@ -143,6 +144,17 @@ def test_cameras_that_cannot_be(kind: str, changes: dict[str, Any], others: dict
     with pytest.raises(CaseError) as caught:
         with_camera(kind, changes, **others)
     assert says(said, str(caught.value))
+
+
+def test_runs_without_displacements_in_a_plane_have_no_speckles(tmp_path: Path) -> None:
+    position = synthetic.points(4)
+    path = synthetic.write_run(
+        tmp_path / "run", synthetic.crack(TIME, position), TIME, position, snapshots=len(TIME), plane="antiplane"
+    )
+    speckles = camera_from(example("speckles"))
+    with Record(path) as record, pytest.raises(RuptfxError) as raised:
+        speckles.film(record)
+    assert str(raised.value).startswith(f"{path}: ") and "two snapshots" in str(raised.value)
 
 
 def test_each_has_its_own_name() -> None:

@@ -214,7 +214,7 @@ def test_a_window_of_positions(name, records):
     assert ends and all(end == pytest.approx((low, high), abs=0.02 * np.ptp(data)) for end in ends)
     with pytest.raises(RuptfxError, match=rf"plots\.{name}: x .*\(0\.1,\)"):
         plots.FIGURES[name](record, x=(0.1,))
-    with pytest.raises(RuptfxError, match="must be larger"):
+    with pytest.raises(RuptfxError, match=rf"plots\.{name}: x = \(0\.1, 0\): .*larger"):
         plots.FIGURES[name](record, x=(0.1, 0.0))
 
 

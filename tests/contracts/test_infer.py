@@ -367,6 +367,12 @@ def test_entries_that_contradict_themselves_are_refused(unknown: dict[str, Any],
         parse_case(slip_weakening({"unknowns": [{"key": SHEAR, **unknown}]}))
 
 
+def test_a_knot_that_no_point_depends_on_is_named() -> None:
+    """Three knots between two neighbouring points: the middle one has no effect."""
+    with pytest.raises(CaseError, match=r"^unknowns\.0\.knots:.*-999.m;.remove"):
+        variable({"key": SHEAR, "shape": "knots", "knots": [-5e3, -1e3, -999.0, -998.0, 3e3]})
+
+
 def test_an_unknown_that_the_data_do_not_feel_is_named(tmp_path: Path) -> None:
     """Cohesion that is lost has no effect."""
     law = {"kind": "cohesion", "c": 1e5, "D_cohesion": 1e-6, "law": {"kind": "coulomb", "mu_d": 1e3}}

@@ -155,5 +155,5 @@ def test_a_fit_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatc
         return whole(*given, **options, max_nfev=2)
 
     monkeypatch.setattr(front_fit, "least_squares", stopped)
-    with pytest.raises(RuptfxError, match=facts("front_fit: the least-squares fit has not converged in 2 evaluations")):
+    with pytest.raises(RuptfxError, match=r"^front_fit:.*\b2\b.*less\snoise"):
         fit_front(traces(0.7), MEDIUM)

@@ -124,7 +124,7 @@ def test_profiles_are_read_with_headers_units_and_semicolons(tmp_path: Path) -> 
     "text, message",
     [("a,b\n1,x\n", r"line 2 of .*p\.txt: 'x' is not a finite number"),
      ("1\n2 3\n", r"line 2 of .* same one or two columns"),
-     ("1\n2\n", "at least 8"), ("\n".join(["2 1"] * 9), r"line 2 of .* must increase")],
+     ("1\n2\n", r"p\.txt: .* at least 8"), ("\n".join(["2 1"] * 9), r"line 2 of .* must increase")],
 )
 def test_bad_profiles_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "p.txt").write_text(text)

@@ -111,6 +111,12 @@ def test_numbers_that_are_none() -> None:
     assert "(-INFINITY)" in to_c(parts) and "NAN" in to_c(parts)
 
 
+@pytest.mark.parametrize("value, shown", [(np.ones(3), r"shape.*\(3,\)"), ("seven", "'seven'")])
+def test_what_is_no_number_is_shown(value: Any, shown: str) -> None:
+    with pytest.raises(RuptfxError, match=rf"{shown}.*; use numbers, parameters"):
+        constant(value)
+
+
 def test_long_loops() -> None:
     x = X
     for _ in range(3000):
