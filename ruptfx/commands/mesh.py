@@ -17,8 +17,11 @@ def mesh(
     case: CaseFile,
     set_: Overrides = None,
     out: Annotated[Path | None, typer.Option(help="Picture; default NAME_mesh.png.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of a run directory.")] = False,
 ) -> None:
     """Draw bodies, edges and interfaces of a case: names, elements, origin, normal, tangent and patches.
+
+    The plug-ins of a case in a run directory are not executed without --trust.
 
     In 3D: bodies in perspective, and a map of the initial shear traction of every surface.
 
@@ -27,6 +30,7 @@ def mesh(
     with reported():
         from ruptfx.case import Case, read_case
 
+        _require_trust(case, trust)
         parsed = read_case(case, set_ or [])
         if not isinstance(parsed, Case):
             raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no mesh")
@@ -36,3 +40,22 @@ def mesh(
         path.parent.mkdir(parents=True, exist_ok=True)
         draw(parsed).savefig(path, dpi=150)
         screen.print(f"Picture: {path}", soft_wrap=True)
+
+
+def _require_trust(case: Path, trust: bool) -> None:
+    """Refuse to execute plug-ins of a run directory, which may be from somebody else, without being told to.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    from ruptfx.case import read_toml
+    from ruptfx.results import run_files
+
+    if trust or not any((case.parent / name).exists() for name in (run_files.NAME, "summary.json")):
+        return
+    if names := read_toml(case).get("plugins"):
+        raise RuptfxError(
+            f"{case}: the case of a run directory with the plug-in {names[0] if isinstance(names, list) else names}, "
+            "which can do what you can; read it, and if you trust it, add --trust"
+        )

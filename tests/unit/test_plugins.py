@@ -397,6 +397,17 @@ def test_reading_a_run_runs_none_of_its_code(command: list[str], foreign: Path, 
 
 
 @pytest.mark.fem
+def test_mesh_of_a_run_runs_none_of_its_code(foreign: Path, tmp_path: Path) -> None:
+    given = ["mesh", foreign / "case.toml", "--out", tmp_path / "mesh.png"]
+    done = in_a_new_process(tmp_path / "mark", *given)
+    assert done.returncode == 1 and "--trust" in done.stderr and "plugins/my_law.py" in done.stderr
+    assert not (tmp_path / "mark").exists() and not (tmp_path / "mesh.png").exists()
+    trusted = in_a_new_process(tmp_path / "mark", *given, "--trust")
+    assert trusted.returncode == 0 and (tmp_path / "mark").read_text() == "ran "
+    assert (tmp_path / "mesh.png").exists()
+
+
+@pytest.mark.fem
 def test_a_record_that_is_trusted_has_the_strength(foreign: Path, tmp_path: Path, monkeypatch: Any) -> None:
     from ruptfx.plots._strength import strength
     from ruptfx.record import Record
