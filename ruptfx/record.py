@@ -34,6 +34,11 @@ _LABELS = {
 }
 _MESH = {"points": ("point", "axis"), "cells": ("cell", "corner"), "body": ("point",), "time": ("time",)}
 _AGAIN = "if the run is still going, try again in a moment; if it was killed, run the case again"
+_OPTIONAL = {
+    **dict.fromkeys(("cracks.h5", "events.h5", "edges.csv"), "[fracture]"), "forces.csv": "sliding contact",
+    "instruments.h5": "[[instruments]]", "attachments.h5": "[[attachments]]",
+}  # fmt: skip
+"""Files that only runs with a part of a case have."""
 
 
 class RecordError(RuptfxError):
@@ -154,6 +159,8 @@ class Files:
     def _existing(self, name: str) -> Path:
         path = self.path / name
         if not path.is_file():
+            if self.complete and name in _OPTIONAL:
+                raise MissingFileError(f"{path}: missing; only runs with {_OPTIONAL[name]} have this file")
             raise MissingFileError(f"{path}: missing; {_AGAIN}")
         self._check(name)
         return path

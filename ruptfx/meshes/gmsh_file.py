@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
 import tempfile
+from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -225,15 +227,16 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     import meshio
 
     if not path.is_file():
-        raise RuptfxError(f"{path}: no such mesh file")
+        raise RuptfxError(f"{path}: no such mesh file; mesh.file is relative to the case file")
     if path.suffix == ".geo" and not trust:
         _geo.check(path)
     try:
-        if path.suffix == ".geo":
-            with tempfile.TemporaryDirectory() as folder:
-                mesh = meshio.read(_generate(path, Path(folder), trust))
-        else:
-            mesh = meshio.read(path)
+        with redirect_stdout(io.StringIO()):  # meshio prints empty lines, and errors that are raised below
+            if path.suffix == ".geo":
+                with tempfile.TemporaryDirectory() as folder:
+                    mesh = meshio.read(_generate(path, Path(folder), trust))
+            else:
+                mesh = meshio.read(path)
     except RuptfxError:
         raise
     except (Exception, SystemExit) as error:  # meshio raises many kinds of errors for damaged files

@@ -23,6 +23,7 @@ from ruptfx import RuptfxError
 from ruptfx.analysis import slides_far
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import STYLE, Array, new_figure, remark, scale
+from ruptfx.input.quantities import with_prefix
 from ruptfx.plots._record import along, has_slip_rates
 from ruptfx.record import Record
 from ruptfx.schema import nearest, own_kinds, own_module
@@ -298,7 +299,7 @@ def save(
 
     def pictures() -> Iterator[Array]:
         for time, pixels in frames(record, what, most):
-            told(time / end, f"frame at {time:.3g} s")
+            told(time / end, f"frame at {with_prefix(float(time), 's')}")
             yield pixels
 
     try:

@@ -209,6 +209,8 @@ def test_missing_and_damaged_files_are_named(run, name, ask):
     with pytest.raises(RecordError, match=facts(rf"{name}: missing; if the run .* run the case again")):
         ask(Record(run))
     assert "missing" in repr(Record(run))
+    with pytest.raises(RecordError, match=facts(r"events.h5: missing; only runs with \[fracture\]")):
+        _ = Record(run).events
     (run / name).write_bytes(b"time,kinetic\n1,what\n" if name == "energy.csv" else content[: len(content) // 3])
     with pytest.raises(RecordError, match=facts(rf"{name}: damaged")):
         ask(Record(run))
