@@ -170,35 +170,62 @@ def _change(a: object, b: object) -> str:
 
 
 def overlay(one: Record, other: Record) -> Figure:
-    """Draw arrival of the rupture, final slip, and slip rate at a position reached by both runs."""
+    """Draw arrival of the rupture, final slip, and slip rate at a position reached by both runs.
+
+    What is zero or unknown in both runs is left out; where neither slipped, tractions and the jump at the end are
+    drawn.
+    """
     import numpy as np
 
-    from ruptfx.figure_style import blank_figure, scale, styled
+    from ruptfx.figure_style import blank_figure, letter, scale, styled
 
     names, both = [record.path.name for record in (one, other)], [record.interface for record in (one, other)]
-    slips = [data["slip" if "slip" in data else "slip_1"] for data in both]
-    rates = [data["slip_rate" if "slip_rate" in data else "slip_rate_1"] for data in both]
-
-    def fitting(fields: list[DataArray], unit: str) -> tuple[float, str]:
-        return scale(np.concatenate([field.values.ravel() for field in fields]), unit)
-
-    x, x_unit = fitting([data.position for data in both], "m")
-    t, t_unit = fitting([data.time for data in both], "s")
-    (u, u_unit), (v, v_unit) = fitting(slips, "m"), fitting(rates, "m/s")
     at = _place(both)
+    x, x_unit = scale(np.concatenate([data.position.values for data in both]), "m")
+    t, t_unit = scale(np.concatenate([data.time.values for data in both]), "s")
+    profile, history = (f"Position ({x_unit})", x, ""), (f"Time ({t_unit})", t, f"at {at / x:.4g} {x_unit}")
+
+    def field(data: Dataset, name: str) -> DataArray:
+        return data[name if name in data else f"{name}_1"]
+
+    def panel(
+        label: str, unit: str, along: tuple[str, float, str], curves: list[tuple[DataArray, DataArray]]
+    ) -> tuple[str, str, float, tuple[str, float, str], list[tuple[DataArray, DataArray]]]:
+        size, printed = scale(np.concatenate([values.values for _, values in curves]), unit)
+        return label, printed, size, along, curves
+
+    def last(name: str) -> list[tuple[DataArray, DataArray]]:
+        return [(data.position, field(data, name).isel(time=-1)) for data in both]
+
+    arrivals = [(data.position, data.rupture_time) for data in both]
+    rates = [(data.time, field(data, "slip_rate").sel(position=at, method="nearest")) for data in both]
+    given = [
+        ("Rupture time", "s", profile, arrivals),
+        ("Slip at the end", "m", profile, last("slip")),
+        ("Slip rate", "m/s", history, rates),
+    ]
+    instead = [
+        (f"{name.capitalize().replace('_', ' ')} at the end", unit, profile, last(name))
+        for name, unit in {"shear_traction": "Pa", "normal_stress": "Pa", "displacement_jump": "m"}.items()
+    ]
+
+    def has_values(curves: list[tuple[DataArray, DataArray]]) -> bool:
+        return any(np.nan_to_num(values.values).any() for _, values in curves)
+
+    shown = [panel(*each) for each in given if has_values(each[3])]
+    shown = shown or [panel(*each) for each in instead if has_values(each[3])] or [panel(*given[1])]
 
     @styled
     def draw() -> Figure:
         figure = blank_figure(7.0, 2.6)
-        arrival, slip, rate = figure.subplots(1, 3)
-        for data, slipped, rated, line, name in zip(both, slips, rates, ("-", "--"), names, strict=True):
-            arrival.plot(data.position / x, data.rupture_time / t, line, label=name)
-            slip.plot(data.position / x, slipped.isel(time=-1) / u, line)
-            rate.plot(data.time / t, rated.sel(position=at, method="nearest") / v, line)
-        arrival.set(xlabel=f"Position ({x_unit})", ylabel=f"Rupture time ({t_unit})")
-        slip.set(xlabel=f"Position ({x_unit})", ylabel=f"Slip at the end ({u_unit})")
-        rate.set(xlabel=f"Time ({t_unit})", ylabel=f"Slip rate ({v_unit})", title=f"at {at / x:.4g} {x_unit}")
-        figure.legend(loc="outside upper left", ncols=2)
+        axes = np.atleast_1d(figure.subplots(1, len(shown)))
+        for ax, (label, printed, size, (abscissa, over, title), curves) in zip(axes, shown, strict=True):
+            for (position, values), line, name in zip(curves, ("-", "--"), names, strict=True):
+                ax.plot(position / over, values / size, line, label=name)
+            ax.set(xlabel=abscissa, ylabel=f"{label} ({printed})")
+            ax.set_title(title, loc="right")
+        letter(axes)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
         return figure
 
     return draw()

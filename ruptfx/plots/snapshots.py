@@ -59,15 +59,15 @@ def snapshots(
     in the direction of the slip; a remark states if that reverses their sign. The dotted line of the shear traction is
     the strength, if it can be computed. Slip rates have a logarithmic axis if pulses are narrow, and gaps
     where faces are open. Axes of tractions leave out single values far beyond the others, as at corners. A normal
-    stress that is the same everywhere and at all times is stated in the remark.
+    stress that is the same everywhere and at all times is stated in the remark, and so are slip rates that are zero.
 
     Parameters
     ----------
     at
         Times [s]; the nearest saved ones are drawn. Default: four while the rupture runs.
     field
-        Fields of the interface, a column each. Default: "slip_rate", "shear_traction", and "normal_stress" if it
-        changes.
+        Fields of the interface, a column each. Default: "slip_rate" if any point slips, "shear_traction", and
+        "normal_stress" if it changes.
     """
     data = at_positions(record.interface, x, sheet.name)
     saved = data["time"].values
@@ -75,14 +75,18 @@ def snapshots(
     if not len(rows):
         sheet.empty("no time was saved", "Position along the interface (m)", "Time (s)")
         return
-    wanted, constant = _default(data, sheet) if field is None else ([field] if isinstance(field, str) else field, "")
+    away = open_faces(data, rows)
+    if field is None:
+        wanted, constant = _default(data, sheet, bool(away.any()))
+    else:
+        wanted, constant = [field] if isinstance(field, str) else list(field), ""
     meant = {name: quantity(data, name, sheet.name) for name in wanted}
     position = data["position"].values
     x_size, x_unit = sheet.scale("x", np.ptp(position), "m")
     sheet.one_of(f"choose one with field = '{wanted[0]}' and at = 30e-6")
     axes = sheet.panels(len(rows), len(meant), 0.6 + 1.4 * len(rows), sharex=True, sharey="col")
     axes[0, 0].set_xlim(position[0] / x_size, position[-1] / x_size)
-    marked, cut, away = False, False, open_faces(data, rows)
+    marked, cut = False, False
     strengths = strength(record, rows) if "shear_traction" in meant else None
     if strengths is not None:
         strengths = strengths[:, np.isin(record.interface["position"].values, position)]
@@ -119,14 +123,17 @@ def snapshots(
     sheet.remark(known, constant, grey, beyond, backward, speeds, not_resolved(record))
 
 
-def _default(data: Data, sheet: Sheet) -> tuple[list[str], str]:
-    """Return the fields to draw, and the normal stress as a sentence where it never changes."""
+def _default(data: Data, sheet: Sheet, opened: bool) -> tuple[list[str], str]:
+    """Return the fields to draw, and as sentences a normal stress that never changes and a slip rate that is zero."""
+    # Open faces are marked in the column of the slip rate.
+    names = [name for name in FIELDS if name != "slip_rate" or opened or data[name].values.any()]
+    still = "" if "slip_rate" in names else "No point slips."
     normal = data["normal_stress"].values
     largest = float(np.abs(normal).max(initial=0.0))
     if float(np.ptp(normal)) > CONSTANT * largest or not largest:
-        return list(FIELDS), ""
+        return names, still
     size, unit = sheet.scale("normal_stress", largest, "Pa")
-    return [name for name in FIELDS if name != "normal_stress"], (
+    return [name for name in names if name != "normal_stress"], f"{still} " * bool(still) + (
         f"The normal stress is {float(normal.flat[0]) / size:.4g} {unit} everywhere and at all times."
     )
 

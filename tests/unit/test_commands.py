@@ -23,7 +23,7 @@ from ruptfx.analysis.emission import read_catalogue
 from ruptfx.cli import app
 from ruptfx.commands._shared import keys, runs_and_files
 from ruptfx.commands._shared import runs as run_directories
-from ruptfx.commands.compare import is_noise
+from ruptfx.commands.compare import is_noise, overlay
 from ruptfx.commands.new import cases
 from ruptfx.record import Record
 
@@ -208,6 +208,10 @@ def test_compare(runs: Path, tmp_path: Path) -> None:
     everything = said(ruptfx("compare", runs / "one", runs / "two", "--verbose", "--out", tmp_path / "both.png"))
     assert "peak_slip_rate" in everything and "wall_time" not in everything
     assert imread(tmp_path / "both.png").std() > 0.02
+    with Record(runs / "one") as one, Record(runs / "two") as two:
+        axes = overlay(one, two).axes
+    # Nothing slips, and no wave reaches the interface: its normal stresses [MPa] instead of zeros.
+    assert [[line.get_ydata().max() for line in ax.lines] for ax in axes] == [pytest.approx([6.0, 12.0])]
     same = said(ruptfx("compare", runs / "one", runs / "one", "--out", tmp_path / "same.png"))
     assert same.startswith("The cases are the same.") and "differ" not in same
     assert is_noise("tip_speed", 1000.0, 1000.9) and not is_noise("tip_speed", 1000.0, 1002.0)

@@ -492,5 +492,6 @@ def test_white_is_said(tmp_path):
         assert "White: slower than 0.04 m/s" in remarks(plots.space_time(record).figure)
         drawn = plots.snapshots(record).figure
         assert not [line for ax in drawn.axes for line in ax.lines if line.get_gid() == "strength"]
+        assert len(plots.snapshots(record, at=0.0).figure.axes) == 2  # one time is no reason to leave the rate out
         # 6 MPa everywhere: a sentence instead of a column.
         assert "normal stress is 6 MPa everywhere" in remarks(drawn) and len(drawn.axes) % 2 == 0
