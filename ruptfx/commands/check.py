@@ -27,12 +27,14 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
     """
     with reported():
         from ruptfx.case import Case, read_case
+        from ruptfx.platform.progress import working
 
         parsed = read_case(case, set_ or [])
         if not isinstance(parsed, Case):
             from ruptfx.lumped import TRIAL, extreme, rehearse
 
-            whole = rehearse(parsed)
+            with working("computing the case", lines=False):
+                whole = rehearse(parsed)
             screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
             if not whole:
                 screen.print(f"It was computed for {TRIAL:g} s without an error, and not to its end.")
@@ -41,7 +43,8 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             return
         from ruptfx.checks.preflight import preflight
 
-        rows = merged(list(preflight(parsed)))
+        with working("building the model, and measuring its steps", lines=False):
+            rows = merged(list(preflight(parsed)))
         note = Column("note", overflow="fold")
         table = Table("quantity", "value", "unit", note, title=parsed.title or str(case), title_justify="left")
         said = [row for row in rows if row.verdict != "ok"]

@@ -61,6 +61,7 @@ def compare(
             return
         if instrument or channel or most_shift:
             raise RuptfxError(f"{second}: no file; --instrument, --channel and --most-shift are for measured signals")
+        from ruptfx.platform.progress import working
         from ruptfx.record import Record
 
         with Record(first) as one, Record(second) as other:
@@ -76,7 +77,8 @@ def compare(
             if surfaces:
                 _show_rupture_times(one, other)
             out.parent.mkdir(parents=True, exist_ok=True)
-            (overlay_surfaces if surfaces else overlay)(one, other).savefig(out, dpi=150)
+            with working("drawing the figure", lines=False):
+                (overlay_surfaces if surfaces else overlay)(one, other).savefig(out, dpi=150)
             screen.print(f"Picture: {out}", soft_wrap=True)
 
 

@@ -35,10 +35,12 @@ def mesh(
         if not isinstance(parsed, Case):
             raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no mesh")
         from ruptfx.drawing.mesh_drawing import draw
+        from ruptfx.platform.progress import working
 
         path = out or Path(f"{case.stem}_mesh.png")
         path.parent.mkdir(parents=True, exist_ok=True)
-        draw(parsed).savefig(path, dpi=150)
+        with working("meshing and drawing", lines=False):
+            draw(parsed).savefig(path, dpi=150)
         screen.print(f"Picture: {path}", soft_wrap=True)
 
 

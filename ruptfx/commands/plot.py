@@ -57,6 +57,7 @@ def plot(
                 screen.print(str(path))
             return
         from ruptfx import plots
+        from ruptfx.platform.progress import working
         from ruptfx.record import Record
         from ruptfx.schema import nearest
 
@@ -74,7 +75,9 @@ def plot(
                 f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
                 for word, time in (("from", first), ("to", last)) if time is not None
             )  # fmt: skip
-            for path in plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times):
+            with working("drawing the figures", lines=False):
+                paths = plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times)
+            for path in paths:
                 screen.print(str(path))
             for name, reason in record.outside.items():
                 errors.print(f"left out: {name}: {reason}", markup=False, highlight=False, soft_wrap=True)

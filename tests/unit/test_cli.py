@@ -308,6 +308,15 @@ def test_check_prints_the_table(tmp_path: Path, needs_fem: None) -> None:
 
 
 @pytest.mark.fem
+def test_check_shows_its_work_on_a_terminal(tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On standard error, and nothing elsewhere."""
+    path = write(tmp_path)
+    assert "building the model" not in ruptfx("check", path).output
+    monkeypatch.setenv("RUPTFX_TERMINAL", "1")
+    assert "building the model" in ruptfx("check", path).output
+
+
+@pytest.mark.fem
 def test_check_prints_warnings_as_sentences_below_the_table(tmp_path: Path, needs_fem: None) -> None:
     """Of a material without effect: the row refers to the sentence, which is one line in a pipe."""
     table = impact(6e6, 2.0)
