@@ -22,8 +22,9 @@ from ruptfx.contact import AnyContact
 from ruptfx.cracks import AnyFracture
 from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.friction import AnyFriction
+from ruptfx.initial_stress import AnyBodyStress, Component, matrices
 from ruptfx.instruments import AnyInstrument
-from ruptfx.materials import IN_PLANE, AnyMaterial, Plane
+from ruptfx.materials import IN_PLANE, AnyMaterial, Material, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.misfits import AnyMisfit, Inference, Unknown
 from ruptfx.nucleation import AnyNucleation
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
 
 FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
-    "attachments", "steppers", "instruments", "misfits", "profiles", "phases", "cameras",
+    "attachments", "steppers", "instruments", "misfits", "profiles", "phases", "cameras", "initial_stress",
 ]  # fmt: skip
 
 
@@ -71,8 +72,8 @@ class FaultCase(Part):
     """Friction law."""
     cohesion: AnyCohesion | None = None
     """Cohesive law in tension and shear, in addition to friction."""
-    initial_stress: InitialStress
-    """Initial stress of the interface."""
+    initial_stress: InitialStress = InitialStress()
+    """Initial stress of the interface; without it that of the bodies, `[initial_stress]`."""
     gap: VaryingGap | None = None
     """Initial gap between the two sides; the initial normal stress is zero where it is open."""
     sliding: Sliding | None = None
@@ -211,6 +212,9 @@ class Case(CaseFile):
     materials: dict[Name, AnyMaterial]
     """Materials by body; `default` is for the bodies not listed. A name stands for constants, such as `pmma`; see
     `ruptfx describe materials`."""
+    initial_stress: AnyBodyStress | None = None
+    """Initial stress of the bodies, a tensor, which may vary with depth: the tractions of interfaces and the initial
+    stress of yielding materials follow from it where they give none."""
     faults: dict[Name, FaultCase] = {}
     """Interfaces by name; that of generated meshes is `main`."""
     fracture: AnyFracture | None = None
@@ -264,7 +268,7 @@ class Case(CaseFile):
             partial(self._check_attachments, allowed), partial(self._check_initial_velocity, allowed),
             self._check_stages, partial(self._check_instruments, allowed), self._check_cameras, self._check_intervals,
             self._check_forces, self._check_rotations, self._check_fracture, self._check_axisymmetric,
-            self._check_tensors,
+            self._check_tensors, self._check_body_stress,
         ]  # fmt: skip
         problems = []
         for check in checks:
@@ -367,7 +371,88 @@ class Case(CaseFile):
                 "slides; add the table [faults.NAME.sliding], or remove this key"
             )
 
+    def _check_body_stress(self) -> None:
+        given = self.initial_stress
+        yields = [name for name, material in self.materials.items() if "initial_stress" in type(material).model_fields]
+        own = [name for name in yields if getattr(self.materials[name], "initial_stress", None) is not None]
+        if given is None:
+            for name in yields:
+                if name not in own:
+                    raise ValueError(
+                        f"materials.{name}.initial_stress: missing, and yield depends on it; give it, or the stress of "
+                        "the bodies, [initial_stress]"
+                    )
+            for name, fault in self.faults.items():
+                if fault.initial_stress.of_bodies:
+                    raise ValueError(
+                        f"faults.{name}.initial_stress: missing; give normal (and shear) or tensor, or the stress of "
+                        "the bodies, [initial_stress]"
+                    )
+            return
+        if self.plane in ("antiplane", "axisymmetric"):
+            raise ValueError(
+                f"initial_stress: not for plane = '{self.plane}'; give normal and shear in faults.NAME.initial_stress"
+            )
+        given.check(self.plane)
+        for name, fault in self.faults.items():
+            if fault.initial_stress.tensor is not None:
+                raise ValueError(
+                    f"faults.{name}.initial_stress.tensor: [initial_stress] gives the stress of the bodies; remove one "
+                    "of them"
+                )
+        if own:
+            raise ValueError(
+                f"materials.{own[0]}.initial_stress: [initial_stress] gives the stress of the bodies; remove one of "
+                "them"
+            )
+        if yields and not given.has_six:
+            raise ValueError(
+                f"initial_stress.tensor: materials.{yields[0]} yields and needs 6 components, xx, yy, zz, xy, yz, xz"
+            )
+        if self.fracture is not None and given.everywhere is None:
+            raise ValueError(
+                f"initial_stress.kind = '{given.kind()}': with [fracture] the stress of the bodies is uniform; use "
+                "kind = 'uniform'"
+            )
+        for name in yields:
+            try:
+                self.stressed_materials[name].check_values() if given.everywhere is not None else None
+            except ValueError as error:
+                raise ValueError(f"materials.{name}.{error}") from None
+
+    @property
+    def stressed_materials(self) -> dict[str, Material]:
+        """The materials, with the initial stress of the bodies where they yield and give none of their own."""
+        given = self.initial_stress
+        if given is None:
+            return self.materials
+        everywhere = given.everywhere
+        six = [Component(stress=given, number=i) for i in range(6)] if everywhere is None else everywhere.tolist()
+        return {
+            name: material.substituted({"initial_stress": six})
+            if "initial_stress" in type(material).model_fields else material
+            for name, material in self.materials.items()
+        }  # fmt: skip
+
     def _check_tensors(self) -> None:
+        for name, fault in self.faults.items():
+            tensor = fault.initial_stress.tensor
+            if tensor is None:
+                continue
+            key = f"faults.{name}.initial_stress.tensor = {tensor}"
+            if self.plane == "antiplane":
+                raise ValueError(f"{key}: not in antiplane; give normal and shear")
+            if self.plane == "solid" and len(tensor) == 3:
+                xx, yy, xy = tensor
+                raise ValueError(
+                    f"{key}: plane = 'solid' needs 6 components, xx, yy, zz, xy, yz, xz; write [{xx:g}, {yy:g}, ZZ, "
+                    f"{xy:g}, YZ, XZ] with the three that are missing"
+                )
+            if self.plane != "solid" and len(tensor) == 6:
+                raise ValueError(
+                    f"{key}: plane = '{self.plane}' has 3 components, xx, yy, xy; write [{tensor[0]:g}, {tensor[1]:g}, "
+                    f"{tensor[3]:g}], or all 6 in the table [initial_stress]"
+                )
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
         first = next(iter(tensors), "")
         for name, tensor in tensors.items():
@@ -504,6 +589,9 @@ class Case(CaseFile):
     def initial_tensor(self) -> np.ndarray | None:
         """Uniform initial stress of the bodies, shape (dim, dim) [Pa]; None if only tractions are given."""
         dim = 3 if self.plane == "solid" else 2
+        if self.initial_stress is not None:
+            everywhere = self.initial_stress.everywhere
+            return None if everywhere is None else matrices(everywhere[None])[0, :dim, :dim]
         given = (fault.initial_stress.matrix(dim) for fault in self.faults.values())
         return next((tensor for tensor in given if tensor is not None), None)
 

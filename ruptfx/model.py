@@ -71,7 +71,7 @@ class Model(System):
             raise CaseError(
                 "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"
             )
-        super().__init__(world, bodies, case.materials, case.plane, case.order, broken)
+        super().__init__(world, bodies, case.stressed_materials, case.plane, case.order, broken)
         self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
             self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations,
             case.initial_tensor,
@@ -216,20 +216,13 @@ class Model(System):
                 f"faults.{name}: the interface reaches the axis, where it has no area; make the bodies hollow"
             ) if reaches else None)  # fmt: skip
             face = replace(face, weight=2 * np.pi * radius * face.weight)
-        if fault.initial_stress.tensor is not None and (
-            self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
-        ):
-            raise CaseError(
-                f"faults.{name}.initial_stress.tensor: needs 3 components in the plane and 6 in 3D; remove it in "
-                "antiplane"
-            )
         self._check_positions(name, face, fault)
         fault = located(fault, lambda key, place: self._position_of(face, key, place), f"faults.{name}")
         self.placed[name] = fault
         error = None
         try:
             law, contact = fault.friction.at(face.locations), fault.contact.at(face.locations)
-            normal, shear = fault.initial_stress.tractions(face, law)
+            normal, shear = fault.initial_stress.tractions(face, law, self.case.initial_stress)
             for nucleation in fault.nucleation:
                 nucleation.at(face.locations)  # refuses bad profiles before the first step
                 law = nucleation.weaken(law, face.locations)
@@ -243,8 +236,8 @@ class Model(System):
         after = self.case.output.rupture_after
         if after is None:
             after = max(first_begun(fault.nucleation)[0], 0.0)
-        direction = fault.initial_stress.direction(face.tangents)
-        made = Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion, after, direction)
+        direction = fault.initial_stress.directions(normal, shear)
+        made = Fault(name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after)
         try:
             made.require_strength()
         except CaseError as caught:  # the points of a rank may differ

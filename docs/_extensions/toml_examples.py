@@ -19,13 +19,13 @@ TABLES = {
     "nucleation": r"faults\.\w+\.nucleation", "boundaries": "boundaries", "attachments": "attachments",
     "materials": r"materials\.\w+", "meshes": "mesh", "phases": r"mesh\.phases", "steppers": "stepper",
     "instruments": "instruments", "misfits": "objective", "cameras": "cameras",
-    "histories": r"boundaries\.history",
+    "initial_stress": "initial_stress", "histories": r"boundaries\.history",
 }  # fmt: skip
 """Names of the tables of a case in which a kind of a topic stands."""
 DECLARED = {
     "boundaries": "[[boundaries]]", "attachments": "[[attachments]]", "instruments": "[[instruments]]",
     "misfits": "[[objective]]", "cameras": "[[cameras]]",
-    "meshes": "[mesh]", "phases": "[mesh.phases]",
+    "meshes": "[mesh]", "initial_stress": "[initial_stress]", "phases": "[mesh.phases]",
 }  # fmt: skip
 HEADER = re.compile(r"^\[{1,2}([\w.\"-]+)\]{1,2}", re.MULTILINE)
 SHORT, LONGEST = 350, 900  # characters: of examples the longest short one is shown

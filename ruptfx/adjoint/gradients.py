@@ -125,7 +125,7 @@ class Objective:
             for _, place in found:
                 if place.nucleation is not None and place.fault == fault:
                     acts_on = points[fault].fault
-                    of_shear = np.array(acts_on.shear_direction) @ of_parameters[1 : 1 + acts_on.tangents]
+                    of_shear = np.einsum("nk,kn->n", acts_on.shear_direction, of_parameters[1 : 1 + acts_on.tangents])
                     loaded[place.key] += place.nucleation.shear_traction(acts_on.interface.locations, time) * of_shear
 
         gradient = self.sweeps.adjoint(factors, each_step, tell) if found else []

@@ -164,7 +164,7 @@ class Sweeps:
                 parameters, dp = self.loaded(number, time), changes[number]
                 if (load := loads(number, time)) is not None:
                     dp = dp.copy()
-                    dp[1 : 1 + points.fault.tangents] += np.outer(points.fault.shear_direction, load)
+                    dp[1 : 1 + points.fault.tangents] += points.fault.shear_direction.T * load
                 given = np.concatenate([face.rate(u).T, face.rate(v).T, memory[number], dp])
                 found = points.found(row, visit.after[number], clock)
                 changed = points.push(kick, clock, row, parameters, found, given)

@@ -114,6 +114,11 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
             f"{key}.friction.V_initial: with the state given, too, the initial shear stress follows from the law, and "
             "its derivative is not computed; give initial_stress.shear in its place"
         )
+    if given.of_bodies and fault.tangents > 1:
+        # The directions of both tractions vary from point to point.
+        raise CaseError(
+            f"{key}.initial_stress: derivatives need normal and shear (and rake) there, in place of [initial_stress]"
+        )
     angle = np.deg2rad(given.rake or 0.0)
     directions = (1.0,) if fault.tangents == 1 else (float(np.cos(angle)), float(np.sin(angle)))
     rows = tuple((f"shear_traction_0_{k}", part) for k, part in enumerate(directions))

@@ -14,6 +14,7 @@ from ruptfx.analysis import fracture
 from ruptfx.case import Case
 from ruptfx.checks.cost import available, counts, measured, need_memory, rehearse
 from ruptfx.checks.loads import load_rows
+from ruptfx.checks.stress import stress_rows
 from ruptfx.mechanisms._check_table import Plan, Row
 from ruptfx.mechanisms._plausibility import doubts, row_of
 from ruptfx.model import Model
@@ -64,6 +65,7 @@ def preflight(case: Case) -> Iterator[Row]:
     else:
         yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
     yield from load_rows(case)
+    yield from stress_rows(model)
     plan = Plan(motion.dt, steps, stable, stages.loads_of(model, motion))
     for each in model.mechanisms:
         yield from each.check(plan)

@@ -41,6 +41,8 @@ class Fault:
         Initial normal stress [Pa], compression positive.
     shear_traction_0 : ndarray, shape (n, tangents)
         Initial shear traction [Pa].
+    shear_direction : ndarray, shape (n, tangents)
+        Unit vectors along which nucleations add shear traction, those of the initial shear stress.
     nucleation : tuple of Nucleation
         Nucleations: load or weakening that is added in time.
     gap : ndarray, shape (n,), or None
@@ -49,8 +51,6 @@ class Fault:
         Cohesion in addition to friction, until the points have failed.
     rupture_after : float
         Time from which ruptures count [s].
-    shear_direction : tuple of float
-        Components of the unit vector along which nucleations add shear traction, that of the initial shear stress.
     """
 
     name: str
@@ -59,11 +59,11 @@ class Fault:
     friction: FrictionLaw
     normal_stress_0: np.ndarray
     shear_traction_0: np.ndarray
+    shear_direction: np.ndarray
     nucleation: tuple[Nucleation, ...] = ()
     gap: np.ndarray | None = None
     cohesion: CohesiveLaw | None = None
     rupture_after: float = 0.0
-    shear_direction: tuple[float, ...] = (1.0,)
 
     @property
     def slides(self) -> bool:
@@ -90,8 +90,10 @@ class Fault:
     def load(self, time: float) -> np.ndarray:
         """Return the shear traction that nucleations add [Pa], shape (n, tangents)."""
         places = self.interface.locations
+        if not self.nucleation:
+            return np.zeros((len(places), self.tangents))
         added: np.ndarray = sum((item.shear_traction(places, time) for item in self.nucleation), np.zeros(len(places)))
-        return np.outer(added, self.shear_direction)
+        return np.asarray(added[:, None] * self.shear_direction)
 
     def driving_shear(self, time: float) -> np.ndarray:
         """Return the initial shear traction plus that of nucleations [Pa], shape (n, tangents)."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
+from ruptfx.initial_stress import tractions as resolved
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import VaryingPressure, VaryingStress
@@ -17,11 +18,13 @@ from ruptfx.units import VaryingPressure, VaryingStress
 if TYPE_CHECKING:
     from ruptfx.faults.interface import Interface
     from ruptfx.friction import FrictionLaw
+    from ruptfx.initial_stress import BodyStress
 
 
 class InitialStress(Part):
     """Initial stress of an interface: its tractions, or the stress tensor of the bodies.
 
+    A case with the table `[initial_stress]` needs neither: both tractions follow from the stress of the bodies.
     The stress of the bodies does not affect the motion, but snapshots and fringes include it. Tractions do not define
     all of it: without a tensor the assumption is the uniform stress with the mean tractions of the first interface,
     without stress along that interface; in 2D a pressure that varies along a flat one is constant across it. Give
@@ -42,13 +45,20 @@ class InitialStress(Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> InitialStress:
-        if (self.normal is None) == (self.tensor is None):
+        if self.normal is not None and self.tensor is not None:
             raise ValueError("give either normal (and shear) or tensor")
+        if self.normal is None and self.shear is not None:
+            raise ValueError("normal: the normal stress is missing beside shear; give it, too")
         if self.rake is not None and self.shear is None:
             raise ValueError(f"rake = {self.rake:g}: the direction of shear, which is not given; give shear, too")
         if self.tensor is not None and (self.shear is not None or len(self.tensor) not in (3, 6)):
             raise ValueError("tensor needs 3 components (xx, yy, xy), 6 in 3D; remove normal and shear")
         return self
+
+    @property
+    def of_bodies(self) -> bool:
+        """True if tractions follow from the stress of the bodies, `[initial_stress]`."""
+        return self.normal is None and self.tensor is None
 
     def matrix(self, dim: int) -> np.ndarray | None:
         """Return the tensor as a matrix, shape (dim, dim) [Pa]; None if tractions are given."""
@@ -60,8 +70,17 @@ class InitialStress(Part):
             stress[i, j] = stress[j, i] = value
         return stress
 
-    def tractions(self, face: Interface, law: FrictionLaw) -> tuple[np.ndarray, np.ndarray]:
+    def tractions(
+        self, face: Interface, law: FrictionLaw, bodies: BodyStress | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return normal stress and shear traction at the points of an interface, shapes (n,) and (n, tangents) [Pa].
+
+        Parameters
+        ----------
+        face : Interface
+        law : FrictionLaw
+        bodies : BodyStress, optional
+            Initial stress of the bodies, for interfaces that give none of their own.
 
         Raises
         ------
@@ -69,6 +88,8 @@ class InitialStress(Part):
             If shear stress, slip rate and state of a rate-and-state law contradict each other.
         """
         shear = np.zeros((len(face.position), face.tangents))
+        if self.of_bodies and bodies is not None:
+            return resolved(bodies.effective(face.points), face.frame)
         tensor = self.matrix(face.frame.shape[2])
         if tensor is not None:
             local = np.einsum("ikc,cd,id->ik", face.frame, tensor, face.frame[:, 0])
@@ -89,6 +110,28 @@ class InitialStress(Part):
         elif carried is not None:
             shear[:, 0] = carried
         return normal, shear[:, :1] * self.direction(face.tangents)
+
+    def directions(self, normal: np.ndarray, shear: np.ndarray) -> np.ndarray:
+        """Return unit vectors along which nucleations add shear traction, shape (n, tangents).
+
+        That of the rake, or of the initial shear traction where it follows from a tensor and is not zero; else the
+        first tangent.
+
+        Parameters
+        ----------
+        normal : ndarray, shape (n,)
+            Initial normal stress [Pa].
+        shear : ndarray, shape (n, tangents)
+            Initial shear traction [Pa].
+        """
+        tangents = shear.shape[1]
+        found = np.tile(self.direction(tangents), (len(shear), 1))
+        if tangents == 2 and self.normal is None:
+            size = np.linalg.norm(shear, axis=1)
+            # Rounding against the other traction of the same point: a largest value would be that of a rank.
+            sheared = size > 1e-9 * np.abs(normal)
+            found[sheared] = shear[sheared] / size[sheared, None]
+        return found
 
     def direction(self, tangents: int) -> tuple[float, ...]:
         """Return the unit vector of `shear` along the tangents; the first tangent without a rake.

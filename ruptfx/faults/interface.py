@@ -351,7 +351,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = _rounded(places["plus"], extent)
-    position, across, number, total, line = _order(comm, points, owned, normal)
+    position, across, number, total, line = _order(comm, points, owned, normal, bodies.reference_normals.get(name))
     if ends:  # the interface extends beyond its last points by half of their tributary length
         first, last = (
             parallel.largest(comm, np.where(number == place, 0.5 * ends["plus"].weight, 0.0).max(initial=0.0))
@@ -519,12 +519,23 @@ def local_frame(normal: np.ndarray) -> np.ndarray:
 
 
 def _order(
-    comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray
+    comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray, reference: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, int, Line]:
-    """Return positions along and across and global index of points, number of all points, definition of positions."""
+    """Return positions along and across and global index of points, number of all points, definition of positions.
+
+    Parameters
+    ----------
+    comm : MPI communicator
+    points, normal : ndarray, shape (n, dim)
+    owned : ndarray of bool, shape (n,)
+    reference : ndarray, shape (dim,), optional
+        Normal of the plane in which the positions of a rough surface are; without it the mean normal is.
+    """
     everything = parallel.share_rows(comm, np.hstack([points, normal])[owned])
     places, normals = np.split(everything, 2, axis=1)
     mean = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
+    if reference is not None:
+        mean = reference / np.linalg.norm(reference) * np.sign(reference @ mean)
     along, extent = local_frame(mean[None])[0, 1], np.ptp(places, axis=0).max()
     # Order along the mean tangent, then by the other coordinates: independent of the number of ranks.
     keys = np.round(np.stack([places @ along, *places.T[::-1]]) / extent, 9)
@@ -532,7 +543,8 @@ def _order(
     x_axis = np.eye(len(along))[0]
     origin = places[0]
     measure: Measure
-    if np.ptp(places @ mean) < FLAT * extent and np.abs(along - x_axis).max() < FLAT:
+    flat = reference is not None or np.ptp(places @ mean) < FLAT * extent
+    if flat and np.abs(along - x_axis).max() < FLAT:
         measure, position, origin = "x", places[:, 0], np.where(x_axis, 0.0, origin)
     elif len(along) == 2:
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)

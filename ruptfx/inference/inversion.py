@@ -451,7 +451,7 @@ def _check(case: Case) -> None:
             )
     for number, unknown in enumerate(case.unknowns):
         fault = case.faults.get(unknown.key.split(".")[1]) if unknown.key.count(".") > 1 else None
-        if fault is not None and ".initial_stress." in unknown.key and fault.initial_stress.tensor is not None:
+        if fault is not None and ".initial_stress." in unknown.key and fault.initial_stress.normal is None:
             raise CaseError(
                 f"unknowns.{number}.key = '{unknown.key}': the case gives the tensor of the bodies in its place; give "
                 "normal and shear"

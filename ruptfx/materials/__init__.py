@@ -66,6 +66,14 @@ class RecordedState(NamedTuple):
     long_name: str
 
 
+class PointError(ValueError):
+    """Parameters of a material that contradict each other at a point; `index` is that of the point."""
+
+    def __init__(self, message: str, index: int) -> None:
+        super().__init__(message)
+        self.index = index
+
+
 class Material(Alternative):
     """Contract of a material.
 
@@ -152,6 +160,10 @@ class Material(Alternative):
         ------
         ValueError
         """
+
+    def yielded(self) -> np.ndarray | None:
+        """Return the initial stress as a part of the strength of a material that yields; None for others."""
+        return None
 
     @model_validator(mode="after")
     def _values_fit(self) -> Self:
@@ -354,5 +366,6 @@ else:
     ]
 
 __all__ = [
-    "IDENTITY", "IN_PLANE", "AnyMaterial", "Material", "Plane", "RecordedState", "StateField", "Tensor", "WaveSpeeds",
+    "IDENTITY", "IN_PLANE", "AnyMaterial", "Material", "Plane", "PointError", "RecordedState", "StateField", "Tensor",
+    "WaveSpeeds",
 ]  # fmt: skip

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from ruptfx.materials import IDENTITY, RecordedState, StateField, Tensor
+from ruptfx.materials import IDENTITY, PointError, RecordedState, StateField, Tensor
 from ruptfx.materials._overstress import SMALLEST, relaxed
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.schema import Unit
@@ -36,17 +36,27 @@ class DruckerPrager(IsotropicElastic):
     """Angle of internal friction phi."""
     relaxation_time: Duration
     """Relaxation time T of the stress beyond yield."""
-    initial_stress: StressTensor
-    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive; in equilibrium with the tractions of interfaces."""
+    initial_stress: StressTensor | None = None
+    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive; in equilibrium with the tractions of interfaces.
+    Without it that of the table `[initial_stress]`."""
 
     def check_values(self) -> None:
-        tau, strength = np.broadcast_arrays(*self.shear_and_strength(Tensor(*self.initial_stress)))
-        if np.any(tau > strength):
-            worst = np.unravel_index(np.argmax(tau - strength), tau.shape)
-            raise ValueError(
-                f"initial_stress: beyond yield, sqrt(J2) = {tau[worst]:.4g} Pa above {strength[worst]:.4g} Pa; raise "
-                "cohesion or compression"
+        tau, strength = np.broadcast_arrays(*self.shear_and_strength(self._initial))
+        # The rounding of a stress far below is that of its own size.
+        if np.any(tau > strength + 1e-12 * np.abs(tau).max()):
+            worst = int(np.argmax(tau - strength))
+            raise PointError(
+                f"initial_stress: beyond yield, sqrt(J2) = {tau.flat[worst]:.4g} Pa above {strength.flat[worst]:.4g} "
+                "Pa; raise cohesion or compression", worst,
             )
+
+    @property
+    def _initial(self) -> Tensor:
+        return Tensor(*(self.initial_stress or [0.0] * 6))
+
+    def yielded(self) -> np.ndarray:
+        tau, strength = np.broadcast_arrays(*self.shear_and_strength(self._initial))
+        return np.asarray(tau / np.maximum(strength, np.maximum(1e-12 * np.abs(tau).max(), SMALLEST)))
 
     def shear_and_strength(self, total: Tensor) -> tuple[Any, Any]:
         """Return sqrt(J2) and its limit Y [Pa] of a stress."""
@@ -65,7 +75,7 @@ class DruckerPrager(IsotropicElastic):
         first, shear = self.lame("strain")
         elastic = strain - state["plastic_strain"]
         trial = first * elastic.trace() * IDENTITY + 2 * shear * elastic
-        total = trial + Tensor(*self.initial_stress)
+        total = trial + self._initial
         tau, limit = self.shear_and_strength(total)
         beyond = tau - limit
         flown = relaxed(state["overstress"], beyond, dt / self.relaxation_time)
@@ -86,5 +96,5 @@ class DruckerPrager(IsotropicElastic):
         """Return the elastic energy less what the initial stress has given to the plastic strain."""
         first, shear = self.lame("strain")
         elastic = strain - state["plastic_strain"]
-        trace, given = elastic.trace(), Tensor(*self.initial_stress).dot(state["plastic_strain"])
+        trace, given = elastic.trace(), self._initial.dot(state["plastic_strain"])
         return 0.5 * first * trace * trace + shear * elastic.dot(elastic) - given

@@ -11,6 +11,12 @@ import numpy as np
 
 from ruptfx.meshes import FACETS, RawMesh
 from ruptfx.meshes._lattice import affordable
+from ruptfx.profiles import evaluate
+
+
+def _fading(part: np.ndarray) -> np.ndarray:
+    """Return 1 at 0 and 0 at 1, with slopes of zero at both."""
+    return np.asarray(0.5 * (1 + np.cos(np.pi * part)))
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,8 @@ class Bricks:
         Horizontal distance over depth of a dipping fault: y is shifted by - slope z.
     half : bool
         The plane of the fault is the first one along y, and the body on the other side is its mirror image.
+    height : Profile or float, optional
+        Distance of a rough fault from its plane along y [m], over x and the distance down dip.
     """
 
     x: np.ndarray
@@ -42,6 +50,7 @@ class Bricks:
     down: tuple[int, int]
     slope: float = 0.0
     half: bool = False
+    height: object = None
     cell: ClassVar[str] = "hexahedron"
 
     def __post_init__(self) -> None:
@@ -109,7 +118,28 @@ class Bricks:
         """Return coordinates of vertices [m], shape (vertices, 3)."""
         i, j, k = self._places(vertices)
         z = self.z[k]
-        return np.stack([self.x[i], self.y[j] - self.slope * z, z], axis=1)
+        y = self.y[j] - self.slope * z
+        return np.stack([self.x[i], y if self.height is None else y + self._shift(i, j, k), z], axis=1)
+
+    @property
+    def reference_normals(self) -> dict[str, np.ndarray]:
+        """Normal of the plane of a rough fault; none of a plane one."""
+        return {} if self.height is None else {"main": np.array([0.0, 1.0, self.slope])}
+
+    def _shift(self, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> np.ndarray:
+        """Return how far along y vertices follow a rough fault [m]: less and less towards the sides of the box."""
+        (left, right), (low, high) = self.along, self.down
+        x, z, y = self.x[i], self.z[k], self.y[j] - self.y[self.plane]
+        on_fault = np.clip(x, self.x[left], self.x[right]), np.clip(z, self.z[low], self.z[high])
+        down = (self.z[high] - on_fault[1]) * np.hypot(1.0, self.slope)
+        share = _fading(np.abs(y) / np.where(y < 0, -self.y[0], self.y[-1]))
+        for beyond, first, last in (
+            (x - on_fault[0], self.x[0] - self.x[left], self.x[-1] - self.x[right]),
+            (z - on_fault[1], self.z[0] - self.z[low], self.z[-1] - self.z[high]),
+        ):
+            room = np.where(beyond < 0, -first, last)
+            share = share * _fading(np.abs(beyond) / np.where(room > 0, room, 1.0))
+        return evaluate(self.height, np.stack([on_fault[0], down], axis=1)) * share
 
     def body_of_cells(self, cells: np.ndarray) -> np.ndarray:
         """Return the body index of cells or facets, given by their vertices: 0 on the plus side."""
@@ -194,6 +224,7 @@ class Bricks:
             cell_body=self.body_of_cells(cells),
             edges={name: facets[side == place] for name, place in number.items() if not name.startswith("main.")},
             interfaces={"main": (plus, minus)}, one_sided=self.one_sided,
+            reference_normals=self.reference_normals,
         )  # fmt: skip
 
     def _in_order(self, facets: np.ndarray) -> np.ndarray:

@@ -39,6 +39,7 @@ class Lattice:
     levels: dict[str, np.ndarray]
     interfaces: tuple[str, ...] = ()
     one_sided: dict[str, str] = field(default_factory=dict)
+    reference_normals: ClassVar[dict[str, np.ndarray]] = {}
     chamfer: float = 0.0
     cell: ClassVar[str] = "quadrilateral"
 

@@ -10,8 +10,11 @@ from pydantic import Field, model_validator
 from ruptfx.meshes import MeshSource
 from ruptfx.meshes._bricks import Bricks
 from ruptfx.meshes._lattice import affordable, row_levels
-from ruptfx.schema import Unit
-from ruptfx.units import Coordinate, Length
+from ruptfx.profiles import evaluate
+from ruptfx.schema import CaseError, Unit
+from ruptfx.units import Coordinate, Length, VaryingHeight
+
+FLATTEST = 0.3  # height over the distance of the far edges: elements shrink to about half in between
 
 
 class BoxWithFault(MeshSource):
@@ -48,6 +51,10 @@ class BoxWithFault(MeshSource):
     """Depth of the upper edge; 0: it reaches the surface."""
     dip: Annotated[float, Field(ge=30, le=90)] = 90.0
     """Angle between the fault and the horizontal in degrees."""
+    height: VaryingHeight = 0.0
+    """Distance of a rough fault from its plane along y, a profile over x and the distance down dip in that plane, such
+    as `self_affine_surface`; not with `half`. The whole box follows, less and less towards its sides. Positions are
+    those in the plane."""
     growth: Annotated[float, Field(ge=1, le=1.2), Unit("1")] = 1.15
     """Ratio of the sizes of neighbouring elements outside of the fine box around the fault."""
     fine: Annotated[float, Field(ge=0), Unit("m")] = 0.0
@@ -74,6 +81,8 @@ class BoxWithFault(MeshSource):
                 f"half = true: the sides of a fault that dips at {self.dip:g} degrees are no mirror images; leave out "
                 "half, or make dip 90"
             )
+        if self.half and not (isinstance(self.height, float) and self.height == 0):
+            raise ValueError("half = true: the sides of a rough fault are no mirror images; leave out half, or height")
         return self
 
     def lattice(self) -> Bricks:
@@ -91,12 +100,38 @@ class BoxWithFault(MeshSource):
         z = -np.concatenate([above[:-1], depth, depth[-1] + below[1:]])[::-1]
         side = self._outside(self.distance, self.element_size)
         last = len(z) - len(above)
-        return Bricks(
+        found = Bricks(
             x=x, y=side if self.half else np.concatenate([-side[:0:-1], side]), z=z + 0.0,
             plane=0 if self.half else len(side) - 1,
             along=(len(outside) - 1, len(outside) + len(fault) - 2), down=(last - len(depth) + 1, last),
             slope=0.0 if self.dip == 90 else float(1 / np.tan(angle)), half=self.half,
+            height=None if isinstance(self.height, float) and self.height == 0 else self.height,
         )  # fmt: skip
+        if found.height is not None:
+            self._not_folded(found)
+        return found
+
+    def _not_folded(self, bricks: Bricks) -> None:
+        """Refuse heights at which elements between the fault and the far edges become too flat.
+
+        Raises
+        ------
+        CaseError
+        """
+        x, z = (each.ravel() for each in np.meshgrid(bricks.x, bricks.z))
+        sine = 1 / np.hypot(1.0, bricks.slope)
+        top = bricks.z[bricks.down[1]]
+        inside = (np.clip(x, *bricks.x[list(bricks.along)]), np.clip(top - z, 0, top - bricks.z[bricks.down[0]]) / sine)
+        try:
+            largest = float(np.abs(evaluate(self.height, np.stack(inside, axis=1))).max())
+        except CaseError as error:
+            raise CaseError(f"mesh.height: {error}") from None
+        if largest > FLATTEST * self.distance:
+            raise CaseError(
+                f"mesh.height: up to {largest:.5g} m, more than {FLATTEST:g} of distance = {self.distance:g} m, over "
+                f"which the box follows the fault; make distance at least {largest / FLATTEST:.5g}, or the fault "
+                "smoother"
+            )
 
     def _outside(self, length: float, size: float) -> np.ndarray:
         """Return distances from the fault of planes of vertices: even ones next to it, then growing [m]."""

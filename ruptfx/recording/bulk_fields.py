@@ -20,6 +20,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem
 from ruptfx.faults.interface import local_frame
 from ruptfx.fields import stress_entries
+from ruptfx.initial_stress import matrices
 from ruptfx.operators import ufl_form
 from ruptfx.operators.matrix_free import MatrixFree
 from ruptfx.platform import parallel
@@ -161,7 +162,7 @@ class BulkFields:
                 file.whole.attrs["states"] = list(self._states)
             file.whole.attrs["record"] = "all fields of a snapshot are those of its time, that of the velocities"
             file.whole.attrs["initial_stress"] = self.initial_stress_from
-            if self._uneven is None:
+            if self._uneven is None and (model.case.initial_stress is None or model.case.initial_tensor is not None):
                 file.whole.attrs["initial_stress_values"] = self.initial_stress
         file.flush()
 
@@ -301,6 +302,10 @@ class BulkFields:
         of the interface at the foot of its perpendicular. That is in equilibrium, and where the pressure is linear
         along the interface it is an elastic state as well.
         """
+        given = self.model.case.initial_stress
+        if given is not None:
+            whole = matrices(given.effective(points))
+            return np.stack([whole[:, i, j] for i, j in self._entries], axis=1)
         stress = np.tile(self.initial_stress, (len(points), 1))
         if self._uneven is not None:
             tangent, place, excess, across = self._uneven
@@ -314,7 +319,7 @@ class BulkFields:
         """
         model = self.model
         flat = model.case.plane in ("stress", "strain")
-        if not model.faults or not flat or model.case.initial_tensor is not None:
+        if not model.faults or not flat or model.case.initial_tensor is not None or model.case.initial_stress:
             return None
         fault = model.faults[0]
         face = fault.interface
@@ -335,6 +340,8 @@ class BulkFields:
         """Return the uniform initial stress and its origin; collective."""
         model, entries = self.model, self._entries
         given = model.case.initial_tensor
+        if model.case.initial_stress is not None and given is None:
+            return np.zeros(len(entries)), "given, as it varies in the bodies"
         if given is not None:
             return np.array([given[entry] for entry in entries]), "given"
         if not model.faults:

@@ -43,7 +43,8 @@ from ruptfx.study.goals import Goal, Search
 
 FOLDERS = (
     "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries", "attachments", "contact", "materials",
-    "meshes", "phases", "steppers", "operators", "instruments", "misfits", "cameras", "profiles", "lumped",
+    "meshes", "initial_stress", "phases", "steppers", "operators", "instruments", "misfits", "cameras", "profiles",
+    "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},

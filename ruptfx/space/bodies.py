@@ -69,6 +69,8 @@ class Bodies:
         Initial cracks, by vertices of the raw mesh.
     joints : dict of str to ndarray of int, shape (facets, 2)
         Named inner facets, by vertices of the raw mesh.
+    reference_normals : dict of str to ndarray, shape (3,)
+        As in `RawMesh`.
     """
 
     mesh: fem.dolfinx.mesh.Mesh
@@ -83,6 +85,7 @@ class Bodies:
     bases: dict[str, Base] = field(default_factory=dict)
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joints: dict[str, np.ndarray] = field(default_factory=dict)
+    reference_normals: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def edges(self) -> list[str]:
@@ -154,7 +157,10 @@ def _from_parts(comm: fem.MPI.Comm, lattice: AnyLattice, ties: list[Tie]) -> Bod
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in lattice.one_sided}
     body = lattice.body_of_cells(mesh.geometry.input_global_indices[fem.geometry_dofmap(mesh)])
     interfaces = [*lattice.interfaces, *lattice.one_sided]
-    return Bodies(mesh, lattice.bodies, body.astype(np.int32), facets, tags, interfaces, lattice.one_sided, ties)
+    return Bodies(
+        mesh, lattice.bodies, body.astype(np.int32), facets, tags, interfaces, lattice.one_sided, ties,
+        reference_normals=lattice.reference_normals,
+    )  # fmt: skip
 
 
 def _from_root(
@@ -194,6 +200,7 @@ def _from_root(
             raw.cell, raw.points.shape[1], raw.cells.shape[1], raw.order, raw.bodies, raw.cell_body, faces,
             raw.one_sided, named, ties, surfaces, raw.bases, np.sort(raw.open_facets, axis=1),
             {name: np.sort(facets, axis=1) for name, facets in raw.joints.items()},
+            raw.reference_normals,
         )  # fmt: skip
     described = comm.bcast(described, root=0)
     cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, bases, *inner = described

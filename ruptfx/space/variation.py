@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ruptfx import fem
-from ruptfx.materials import Material, Plane
+from ruptfx.materials import Material, Plane, PointError
 from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 
@@ -99,7 +99,11 @@ class Variation:
         points = self.points(cells)
         flat = material.values_at(points.reshape(-1, points.shape[-1]))
         if len(cells):
-            material.with_values(flat).check_values()
+            try:
+                material.with_values(flat).check_values()
+            except PointError as error:
+                place = ", ".join(f"{x:.6g}" for x in points.reshape(-1, points.shape[-1])[error.index])
+                raise CaseError(f"{error}; the worst point is ({place}) m") from None
         return {key: values.reshape(points.shape[:2]) for key, values in flat.items()}
 
     def _reference(self, number: int) -> Material:

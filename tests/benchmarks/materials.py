@@ -17,6 +17,7 @@ import numpy as np
 from ruptfx import Table, fem
 from ruptfx.bench import Check
 from ruptfx.case import Case, read_toml
+from ruptfx.initial_stress.depth import Depth
 from ruptfx.materials._traced import traced
 from ruptfx.materials.continuum_damage import ContinuumDamage
 from ruptfx.materials.drucker_prager import DruckerPrager
@@ -72,7 +73,7 @@ class Block(MeshSource):
 
 
 def run(fine: bool, comm: MPI.Comm) -> list[Check]:
-    waves = [*_waves(fine, comm), *_layers(comm), *_directions(comm), *_trapped(comm)]
+    waves = [*_waves(fine, comm), *_layers(comm), *_directions(comm), *_trapped(comm), *_at_rest(comm)]
     points = [*_relaxation(), *_flow(), *_hardening(), *_damage()]
     return [*points, *waves, *_blocks(comm), *_off_fault(comm), *_cost(fine)]
 
@@ -442,6 +443,78 @@ def _blocks(comm: MPI.Comm) -> list[Check]:
             checks.append(Check(f"{name}: dissipated part of the work", 0.01, lost, relation="at least"))
     apart = np.abs(results["without yield"] - results["elastic"]).max() / np.abs(results["elastic"]).max()
     checks.append(Check("drucker_prager without yield: difference to elastic displacements", 0.0, float(apart), 1e-12))
+    return checks
+
+
+def _under_weight(material: Table) -> Case:
+    """Return a box with a fault that dips at 60 degrees under weight and tectonic stress, those of TPV12 and TPV13."""
+    stress: Table = {
+        "kind": "depth", "density": 2700.0, "fluid_density": 1000.0, "gravity": 9.8, "along": 0.6748, "across": 0.3496,
+    }  # fmt: skip
+    friction: Table = {"kind": "cohesion", "c": 0.2e6, "law": {"kind": "coulomb", "mu_d": 0.7}}
+    edges = [f"{body}.{side}" for body in ("plus", "minus") for side in ("left", "right", "bottom")]
+    return Case.model_validate({
+        "plane": "solid", "order": 2, "duration": 1.0, "initial_stress": stress,
+        "mesh": {
+            "kind": "box_with_fault", "dip": 60.0, "fault_length": 6e3, "fault_width": 15e3, "element_size": 3e3,
+            "beyond": 3e3, "distance": 6e3,
+        },
+        "materials": {"default": {"c_p": 5716.0, "c_s": 3300.0, "density": 2700.0, **material}},
+        "boundaries": [{"kind": "absorbing", "edge": edge} for edge in edges],
+        "faults": {"main": {"contact": {"kind": "split_node"}, "friction": friction}}, "output": {"figures": False},
+    })  # fmt: skip
+
+
+def _unbalanced(model: Model) -> float:
+    """Return the largest nodal force of initial stress, weight, and tractions of edges and faults, over its parts."""
+    stress, ufl, space = model.case.initial_stress, fem.ufl, model.space
+    assert isinstance(stress, Depth)
+    values = stress.effective(model.coordinates)
+    numbers = fem.lagrange(model.mesh, model.order, 1)
+    parts = []
+    for column in values.T:
+        part = fem.dolfinx.fem.Function(numbers)
+        part.x.array[:] = column
+        parts.append(part)
+    xx, yy, zz, xy, yz, xz = parts
+    tensor = ufl.as_matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    test, dx = ufl.TestFunction(space), ufl.dx(model.mesh)
+    inner = fem.assemble_summed(space, ufl.inner(tensor, ufl.grad(test)) * dx)
+    weight = ufl.as_vector((stress.density - stress.fluid_density) * stress.acceleration(3))
+    outer = fem.assemble_summed(space, ufl.inner(weight, test) * dx)
+    normal = ufl.FacetNormal(model.mesh)
+    for name in model.bodies.edges:
+        edge = ufl.Measure("ds", model.mesh, subdomain_data=model.bodies.facets, subdomain_id=model.bodies.tags[name])
+        outer += fem.assemble_summed(space, ufl.inner(tensor * normal, test) * edge)
+    fault = model.faults[0]
+    traction = np.column_stack([-fault.normal_stress_0, fault.shear_traction_0])
+    held = np.zeros(len(inner))
+    fault.interface.assemble(traction * fault.interface.owned[:, None], held)
+    model.layout.sum_shared(held)
+    left = parallel.largest(model.comm, float(np.abs(inner - outer + held).max(initial=0.0)))
+    return left / parallel.largest(model.comm, float(np.abs(inner).max(initial=0.0)))
+
+
+def _at_rest(comm: MPI.Comm) -> list[Check]:
+    """Run 1000 steps under weight and tectonic stress, below the strength of fault and rock."""
+    yielding = {"cohesion": 5e6, "friction_angle": float(np.arctan(0.85)), "relaxation_time": 0.03}
+    checks = []
+    for kind, material in (("isotropic_elastic", {}), ("drucker_prager", yielding)):
+        case = _under_weight({"kind": kind, **material})
+        model = Model(case, comm)
+        state, motion = model.initial_state(), case.stepper.bind(model)
+        for _ in range(1000):
+            motion.step(state)
+        fault = model.faults[0]
+        now = [state.faults["main"][name] for name in ("normal_stress", "shear_traction_1", "shear_traction_2")]
+        then = [fault.normal_stress_0, *fault.shear_traction_0.T]
+        changes = [2700 * 5716 * state.velocity, *(a - b for a, b in zip(now, then, strict=True))]
+        largest = max(parallel.largest(comm, float(np.abs(each).max(initial=0.0))) for each in changes)
+        whole = parallel.largest(comm, float(fault.normal_stress_0.max(initial=0.0)))
+        checks.append(Check(f"dipping fault under weight, {kind}: change in 1000 steps", 0.0, largest / whole, 1e-12))
+        if kind == "isotropic_elastic":
+            left = _unbalanced(model)
+            checks.append(Check("dipping fault under weight: unbalanced nodal force over its parts", 0.0, left, 1e-12))
     return checks
 
 

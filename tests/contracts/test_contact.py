@@ -54,7 +54,8 @@ def a_fault(method: str, law: Any, components: int, random: np.random.Generator)
     face = an_interface(components, random)
     normal = np.where(random.random(POINTS) < 0.1, 0.0, random.uniform(1e5, 1e7, POINTS))
     shear = random.normal(size=(POINTS, face.tangents)) * 1e5
-    return Fault("main", face, contact(method), law.at(face.position), normal, shear)
+    along = np.eye(face.tangents)[np.zeros(POINTS, dtype=int)]
+    return Fault("main", face, contact(method), law.at(face.position), normal, shear, along)
 
 
 def steps_agree(
@@ -229,7 +230,8 @@ def test_a_strength_that_jumps_over_the_traction_is_an_error() -> None:
 
     # 1e6 Pa and a trial of 0.45e6 Pa; Z of some 1e3 Pa s/m takes next to nothing of it at 1 m/s.
     face = an_interface(2, np.random.default_rng(1))
-    fault = Fault("main", face, contact("split_node"), Jumps(), np.full(POINTS, 1e6), np.full((POINTS, 1), 0.45e6))
+    normal, shear, along = np.full(POINTS, 1e6), np.full((POINTS, 1), 0.45e6), np.ones((POINTS, 1))
+    fault = Fault("main", face, contact("split_node"), Jumps(), normal, shear, along)
     dt, none = 1e-7, np.zeros(4 * POINTS)
     mobile = np.full(4 * POINTS, 1 / (1e3 * dt * face.weight.mean()))
     for step in (

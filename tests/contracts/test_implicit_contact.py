@@ -50,7 +50,7 @@ def a_moment(
     normal = np.where(random.random(POINTS) < 0.1, 0.0, random.uniform(1e5, 1e7, POINTS))
     shear = random.normal(size=(POINTS, face.tangents)) * 1e5
     fault = Fault("main", face, METHODS[method].model_validate(table(METHODS[method], 0)), law.at(face.position),
-                  normal, shear)  # fmt: skip
+                  normal, shear, np.eye(face.tangents)[np.zeros(POINTS, dtype=int)])  # fmt: skip
     state, dt = fault.initial_state(), 1e-6
     for name in (name for name in state if name.startswith("mean_slip_rate")):
         state[name][:] = random.normal(size=POINTS)  # some points slow down so much that the slip rate is bounded

@@ -154,6 +154,8 @@ def column(given: Material, plane: Plane, along: int) -> Model:
         "boundaries": [*guided, {"kind": "absorbing", "edge": "upper.top"}],
         "faults.main.initial_stress.normal": 1e9,
     })  # fmt: skip
+    if "initial_stress" in type(given).model_fields:
+        given = given.model_copy(update={"initial_stress": [0.0] * 6})
     table["materials"] = {"default": given}
     return Model(parse_case(table))
 

@@ -502,3 +502,10 @@ def test_a_dipping_fault_has_no_half() -> None:
     fields = {"fault_length": 9e-3, "fault_width": 4e-3, "element_size": 1e-3, "beyond": 2e-3, "distance": 3e-3}
     with pytest.raises(ValueError, match=facts(r"half = true: .*dips at 60 degrees.*leave out half, or make dip 90")):
         BoxWithFault.model_validate({**fields, "dip": 60.0, "half": True})
+
+
+def test_a_rough_fault_has_no_half() -> None:
+    fields = {"fault_length": 9e-3, "fault_width": 4e-3, "element_size": 1e-3, "beyond": 2e-3, "distance": 3e-3}
+    with pytest.raises(ValueError, match=facts(r"half = true: .*rough fault.*leave out half, or height")):
+        BoxWithFault.model_validate({**fields, "height": 1e-4, "half": True})
+    assert BoxWithFault.model_validate({**fields, "height": 0.0, "half": True}).half

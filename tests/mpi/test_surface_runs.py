@@ -78,3 +78,26 @@ def test_a_killed_run_goes_on_to_the_same_bits(ranks: int, runs: Path, tmp_path:
     # Of the energies, `impact_loss` is rounding here, 1e-18 of the work: the normal of this fault does not move.
     assert differences.pop("energy.csv") < 1e-16
     assert max(differences.values()) == 0
+
+
+def test_a_rough_fault_under_a_tensor_is_the_same_on_2_ranks(tmp_path: Path) -> None:
+    height = {
+        "kind": "self_affine_surface", "rms": 1e-4, "hurst": 0.7, "length": 16e-3, "longest": 8e-3, "shortest": 3e-3,
+        "seed": 2,
+    }  # fmt: skip
+    table = strike_slip({**CHANGES, "instruments": [], "mesh.height": height})
+    del table["faults"]["main"]["initial_stress"]
+    table["initial_stress"] = {"kind": "uniform", "tensor": [-5e6, -6e6, -5e6, 3.0e6, 0.0, 0.0]}
+    table["faults"]["main"]["nucleation"] = {
+        "kind": "smooth_patch", "extra": 2e6, "radius": 2.5e-3, "rise": 5e-7,
+        "center": {"x": 0.0, "y": 0.0, "z": -3e-3},
+    }  # fmt: skip
+    case = write(tmp_path, table)
+    for ranks in (1, 2):
+        code, text = finish(start(case, tmp_path / str(ranks), ranks, "--quiet"))
+        assert code == 0, text
+    differences = largest_difference(tmp_path / "1", tmp_path / "2")
+    assert not {key: value for key, value in differences.items() if not value < 1e-10}
+    with Record(tmp_path / "2") as record:
+        assert np.ptp(record.interface.shear_traction_1.isel(time=0).values) > 1e4
+        assert record.interface.slip_1.max() > 1e-8
