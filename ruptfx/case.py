@@ -377,7 +377,7 @@ class Case(CaseFile):
         own = [name for name in yields if getattr(self.materials[name], "initial_stress", None) is not None]
         if given is None:
             for name in yields:
-                if name not in own:
+                if name not in own and type(self.materials[name]).needs_initial_stress:
                     raise ValueError(
                         f"materials.{name}.initial_stress: missing, and yield depends on it; give it, or the stress of "
                         "the bodies, [initial_stress]"
@@ -407,8 +407,14 @@ class Case(CaseFile):
             )
         if yields and not given.has_six:
             raise ValueError(
-                f"initial_stress.tensor: materials.{yields[0]} yields and needs 6 components, xx, yy, zz, xy, yz, xz"
+                f"initial_stress.tensor: materials.{yields[0]} depends on 6 components, xx, yy, zz, xy, yz, xz"
             )
+        for name, material in self.materials.items():
+            if name not in yields and type(material).has_memory() and not type(material).linear:
+                raise ValueError(
+                    f"materials.{name}: '{material.kind()}' does not know an initial stress; give its class a field "
+                    "`initial_stress`, or normal and shear in faults.NAME.initial_stress in place of [initial_stress]"
+                )
         if self.fracture is not None and given.everywhere is None:
             raise ValueError(
                 f"initial_stress.kind = '{given.kind()}': with [fracture] the stress of the bodies is uniform; use "

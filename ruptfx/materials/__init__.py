@@ -86,6 +86,8 @@ class Material(Alternative):
     """Whether its elastic energy is isotropic and linear, given by Young's modulus and Poisson's ratio."""
     linear: ClassVar[bool] = False
     """Whether `stress` is linear in strain and state; with memory only such a material works in plane stress."""
+    needs_initial_stress: ClassVar[bool] = False
+    """True if it cannot start without its field `initial_stress`, or the table `[initial_stress]`."""
 
     density: VaryingDensity
     """Mass per volume."""

@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from ruptfx.materials import IDENTITY, RecordedState, StateField, Tensor
-from ruptfx.materials._overstress import SMALLEST, relaxed
+from ruptfx.materials import IDENTITY, PointError, RecordedState, StateField, Tensor
+from ruptfx.materials._overstress import ROUNDING, SMALLEST, StressTensor, relaxed
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.schema import Unit
 from ruptfx.units import Duration, VaryingModulus
@@ -37,29 +37,57 @@ class ContinuumDamage(IsotropicElastic):
     """Strain e_s over which stress falls to 1 / e; f_t^2 / (2 E) + f_t e_s is dissipated per volume."""
     relaxation_time: Duration
     """Time T in which the damage follows the strain."""
+    initial_stress: StressTensor | None = None
+    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive. Its elastic strain counts for damage, which lowers it.
+    Without it that of the table `[initial_stress]`, and without both the bodies start free of stress."""
+
+    def check_values(self) -> None:
+        if (part := self.yielded()) is not None and np.any(part > 1 + ROUNDING):
+            worst = int(np.argmax(part))
+            raise PointError(
+                f"initial_stress: damages from the start, its size is {part.flat[worst]:.4g} times the strength; raise "
+                "strength, or give less stress", worst,
+            )
+
+    @property
+    def _initial(self) -> Tensor:
+        return Tensor(*(self.initial_stress or [0.0] * 6))
+
+    def yielded(self) -> np.ndarray | None:
+        if self.initial_stress is None:
+            return None
+        return np.asarray(np.sqrt(self._young() * self._twice_energy(self._initial)) / self.strength)
 
     def state_fields(self) -> dict[str, StateField]:
         return {"growth": StateField("1"), "excess": StateField("1")}
 
     def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
-        elastic, growth = self._elastic(strain), state["growth"]
-        size = np.sqrt(self._young() * strain.dot(elastic) + SMALLEST) / self.strength
+        whole, growth = self._elastic(strain) + self._initial, state["growth"]
+        size = np.sqrt(self._young() * self._twice_energy(whole) + SMALLEST) / self.strength
         beyond = size - 1 - growth
         grown = relaxed(state["excess"], beyond, dt / self.relaxation_time)
         new = growth + grown
-        return self._whole(new) * elastic, {"growth": new, "excess": np.maximum(beyond - grown, 0.0)}
+        return self._remaining(new) * whole - self._initial, {"growth": new, "excess": np.maximum(beyond - grown, 0.0)}
 
     def recorded_states(self) -> dict[str, RecordedState]:
         return {"damage": RecordedState("1", "damage, the lost part of the stiffness")}
 
     def recorded(self, state: dict[str, Any]) -> dict[str, Any]:
-        return {"damage": 1 - self._whole(state["growth"])}
+        return {"damage": 1 - self._remaining(state["growth"])}
 
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
-        """Return the elastic energy of the remaining stiffness."""
-        return 0.5 * self._whole(state["growth"]) * strain.dot(self._elastic(strain))
+        """Return the energy of the remaining stiffness less that at the start and the work of initial stress."""
+        whole = self._twice_energy(self._elastic(strain) + self._initial)
+        begun, given = self._twice_energy(self._initial), self._initial.dot(strain)
+        return 0.5 * (self._remaining(state["growth"]) * whole - begun) - given
 
-    def _whole(self, growth: Any) -> Any:
+    def _twice_energy(self, stress: Tensor) -> Any:
+        """Return S : C^-1 : S of a stress S without damage [J/m3]."""
+        first, shear = self.lame("strain")
+        trace = stress.trace()
+        return (stress.dot(stress) - first / (3 * first + 2 * shear) * trace * trace) / (2 * shear)
+
+    def _remaining(self, growth: Any) -> Any:
         """Return 1 - d, the remaining part of the stiffness, at r / f_t - 1."""
         return np.exp(-growth * (self.strength / (self._young() * self.softening_strain))) / (1 + growth)
 

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from ruptfx.materials import IDENTITY, PointError, RecordedState, StateField, Tensor
-from ruptfx.materials._overstress import SMALLEST, relaxed
+from ruptfx.materials._overstress import ROUNDING, SMALLEST, StressTensor, relaxed
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.schema import Unit
-from ruptfx.units import Duration, VaryingAngle, VaryingPressure, VaryingStress
-
-if TYPE_CHECKING:
-    StressTensor = list[Any]
-else:
-    StressTensor = Annotated[list[VaryingStress], Field(min_length=6, max_length=6), Unit("Pa")]
+from ruptfx.units import Duration, VaryingAngle, VaryingPressure
 
 
 class DruckerPrager(IsotropicElastic):
@@ -29,6 +22,7 @@ class DruckerPrager(IsotropicElastic):
     """
 
     linear: ClassVar[bool] = False
+    needs_initial_stress: ClassVar[bool] = True
 
     cohesion: VaryingPressure
     """Cohesion c."""
@@ -43,7 +37,7 @@ class DruckerPrager(IsotropicElastic):
     def check_values(self) -> None:
         tau, strength = np.broadcast_arrays(*self.shear_and_strength(self._initial))
         # The rounding of a stress far below is that of its own size.
-        if np.any(tau > strength + 1e-12 * np.abs(tau).max()):
+        if np.any(tau > strength + ROUNDING * np.abs(tau).max()):
             worst = int(np.argmax(tau - strength))
             raise PointError(
                 f"initial_stress: beyond yield, sqrt(J2) = {tau.flat[worst]:.4g} Pa above {strength.flat[worst]:.4g} "
@@ -56,7 +50,7 @@ class DruckerPrager(IsotropicElastic):
 
     def yielded(self) -> np.ndarray:
         tau, strength = np.broadcast_arrays(*self.shear_and_strength(self._initial))
-        return np.asarray(tau / np.maximum(strength, np.maximum(1e-12 * np.abs(tau).max(), SMALLEST)))
+        return np.asarray(tau / np.maximum(strength, np.maximum(ROUNDING * np.abs(tau).max(), SMALLEST)))
 
     def shear_and_strength(self, total: Tensor) -> tuple[Any, Any]:
         """Return sqrt(J2) and its limit Y [Pa] of a stress."""

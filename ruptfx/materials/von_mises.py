@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ruptfx.materials import IDENTITY, RecordedState, StateField, Tensor
-from ruptfx.materials._overstress import SMALLEST, relaxed
+from ruptfx.materials import IDENTITY, PointError, RecordedState, StateField, Tensor
+from ruptfx.materials._overstress import ROUNDING, SMALLEST, StressTensor, relaxed
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.units import Duration, VaryingPressure
 
@@ -32,6 +32,31 @@ class VonMises(IsotropicElastic):
     """Kinematic hardening modulus H_k, of the back stress."""
     relaxation_time: Duration
     """Relaxation time T of the stress beyond yield."""
+    initial_stress: StressTensor | None = None
+    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive. Without it that of the table `[initial_stress]`, and
+    without both the bodies start free of stress."""
+
+    def check_values(self) -> None:
+        found, limit = np.broadcast_arrays(self._size(self._initial.deviator()), self.yield_stress)
+        if np.any(found > limit * (1 + ROUNDING)):
+            worst = int(np.argmax(found - limit))
+            raise PointError(
+                f"initial_stress: beyond yield, q = {found.flat[worst]:.4g} Pa above {limit.flat[worst]:.4g} Pa; raise "
+                "yield_stress, or give a stress with smaller differences", worst,
+            )
+
+    @property
+    def _initial(self) -> Tensor:
+        return Tensor(*(self.initial_stress or [0.0] * 6))
+
+    def yielded(self) -> np.ndarray | None:
+        if self.initial_stress is None:
+            return None
+        return np.asarray(np.divide(*np.broadcast_arrays(self._size(self._initial.deviator()), self.yield_stress)))
+
+    def _size(self, deviator: Tensor) -> Any:
+        """Return q of a deviator [Pa]."""
+        return np.sqrt(1.5 * deviator.dot(deviator) + SMALLEST)
 
     def state_fields(self) -> dict[str, StateField]:
         return {
@@ -44,8 +69,8 @@ class VonMises(IsotropicElastic):
         plastic, kappa = state["plastic_strain"], state["equivalent_plastic_strain"]
         elastic = strain - plastic
         trial = first * elastic.trace() * IDENTITY + 2 * shear * elastic
-        shifted = trial.deviator() - (2 / 3) * self.kinematic_hardening * plastic
-        q = np.sqrt(1.5 * shifted.dot(shifted) + SMALLEST)
+        shifted = (trial + self._initial).deviator() - (2 / 3) * self.kinematic_hardening * plastic
+        q = self._size(shifted)
         beyond = q - (self.yield_stress + self.hardening * kappa)
         flown = relaxed(state["overstress"], beyond, dt / self.relaxation_time)
         # Flow lowers q by 3 G per equivalent plastic strain, and hardening raises the yield stress.
@@ -60,10 +85,14 @@ class VonMises(IsotropicElastic):
         return {"equivalent_plastic_strain": RecordedState("1", "equivalent plastic strain, accumulated")}
 
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
-        """Return the elastic energy and that of the back stress; isotropic hardening dissipates."""
+        """Return the elastic energy and that of the back stress; isotropic hardening dissipates.
+
+        Less what the initial stress has given to the plastic strain.
+        """
         first, shear = self.lame("strain")
         plastic = state["plastic_strain"]
         elastic = strain - plastic
         trace = elastic.trace()
         back = self.kinematic_hardening / 3 * plastic.dot(plastic)
-        return 0.5 * first * trace * trace + shear * elastic.dot(elastic) + back
+        given = self._initial.dot(plastic)
+        return 0.5 * first * trace * trace + shear * elastic.dot(elastic) + back - given

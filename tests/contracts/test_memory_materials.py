@@ -630,3 +630,37 @@ def test_components_of_a_plane() -> None:
     assert len(traced(given, "antiplane").state) == 2 * 4
     law = traced(given, "stress")
     assert "strain_zz" in law.state and OF_PLANE["stress"] == law.components
+
+
+PRESTRESSED = [kind for kind in KINDS if "initial_stress" in alternatives("ruptfx.materials")[kind].model_fields]
+
+
+@pytest.mark.parametrize("kind", PRESTRESSED)
+def test_an_initial_stress_acts_as_the_strain_that_makes_it(kind: str) -> None:
+    """Stress S and energy W of strain e after the stress C:E; those of E + e are S + C:E and W + e:C:E + E:C:E / 2."""
+    free = example(kind).model_copy(update={"initial_stress": [0.0] * 6})
+    _, shear = free.lame("strain")
+    along = Tensor(xx=1e-9, yy=-1e-9, xy=7e-10)
+    unit = free.model_copy(update={"initial_stress": list((2 * shear * along).components)})
+    part = unit.yielded()
+    assert part is not None
+    begun = (0.5 / float(part)) * along
+    stressed = free.model_copy(update={"initial_stress": list((2 * shear * begun).components)})
+    assert float(stressed.yielded()) == pytest.approx(0.5)
+    states = [
+        {name: Tensor() if field.tensor else field.start for name, field in each.state_fields().items()}
+        for each in (free, stressed)
+    ]
+    step = 0.4 * begun + Tensor(xx=0.1 * begun.xx, zz=-0.05 * begun.xx)
+    for number in range(1, 13):
+        strain = number * step
+        (whole, states[0]), (added, states[1]) = (
+            each.stress(of, state, 0.3 * free.relaxation_time)
+            for each, of, state in zip((free, stressed), (begun + strain, strain), states, strict=True)
+        )
+        given = 2 * shear * begun
+        np.testing.assert_allclose((added + given).components, whole.components, rtol=0, atol=1e-11 * shear * begun.xx)
+        energy = stressed.stored(strain, states[1]) + given.dot(strain) + 0.5 * given.dot(begun)
+        assert free.stored(begun + strain, states[0]) == pytest.approx(energy, rel=1e-10)
+    elastic = 2 * shear * (begun + strain).deviator()
+    assert not np.allclose(whole.deviator().components, elastic.components, rtol=1e-3)  # it has yielded

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,9 +35,22 @@ YIELDING: Table = {
     **ELASTIC, "kind": "drucker_prager", "cohesion": 5e6, "friction_angle": float(np.arctan(0.85)),
     "relaxation_time": 0.03,
 }  # fmt: skip
+METAL: Table = {**ELASTIC, "kind": "von_mises", "yield_stress": 500e6, "relaxation_time": 0.03}
 SIX = [-50e6, -120e6, -60e6, 70e6, 3e6, -8e6]
+DAMAGED: Table = {
+    **ELASTIC, "kind": "continuum_damage", "strength": 50e6, "softening_strain": 0.01, "relaxation_time": 0.03,
+}  # fmt: skip
 PRESSED = [-50e6, -50e6, -50e6, 0.0, 0.0, 0.0]
 SECTION: Table = {"kind": "two_plates", "length": 8e-3, "height": 4e-3, "element_size": 2e-3}
+
+
+SAND = """
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+
+class Sand(IsotropicElastic):
+    def stress(self, strain, state, dt):
+        return strain, state
+"""
 
 
 def table(changes: Table | None = None) -> Table:
@@ -153,7 +167,7 @@ def test_all_interfaces_see_one_stress() -> None:
     assert BulkFields(model).initial_stress_at(np.zeros((1, 2)))[0] == pytest.approx([SIX[0], SIX[1], SIX[3]])
 
 
-@pytest.mark.parametrize("material", [ELASTIC, YIELDING], ids=["elastic", "yielding"])
+@pytest.mark.parametrize("material", [ELASTIC, YIELDING, METAL], ids=["elastic", "yielding", "metal"])
 def test_bodies_stay_at_rest(material: Table) -> None:
     case = parse_case(table({"materials.default": material}))
     model = Model(case)
@@ -202,12 +216,16 @@ REFUSED: list[tuple[Table, str]] = [
      r"initial_stress\.tensor = .* 'solid' needs 6 components, .* \[-1e\+06, -2e\+06, ZZ, 300000, YZ, XZ\]"),
     (table({"initial_stress": {"kind": "uniform", "tensor": [-1e6, -2e6, 3e5, 0.0]}}), r"give 6 components"),
     (section({"initial_stress.tensor": SIX[:2] + SIX[3:4], "materials.default": YIELDING}),
-     r"initial_stress\.tensor: materials\.default yields and needs 6 components"),
+     r"initial_stress\.tensor: materials\.default depends on 6 components"),
     (table({"faults.main.initial_stress": {"tensor": SIX}}), r"faults\.main\.initial_stress\.tensor: .* remove one"),
     (table({"materials.default": YIELDING | {"initial_stress": PRESSED}}),
      r"materials\.default\.initial_stress: .* remove one"),
     (section({"initial_stress.tensor": [-1e6, -1e6, -1e6, 40e6, 0.0, 0.0], "materials.default": YIELDING}),
      r"materials\.default\.initial_stress: beyond yield, .* raise cohesion"),
+    (section({"initial_stress.tensor": SIX, "materials.default": METAL | {"yield_stress": 50e6}}),
+     r"materials\.default\.initial_stress: beyond yield, .* raise yield_stress"),
+    (section({"initial_stress.tensor": SIX, "materials.default": DAMAGED}),
+     r"materials\.default\.initial_stress: damages from the start, .* raise strength"),
     (table({"initial_stress.fluid_density": 3e3}), r"fluid_density = 3000 kg/m3: .* give less"),
     (table({"initial_stress.isotropic": [2e3, 1e3]}), r"isotropic = .* upper one first"),
     (section({"plane": "antiplane"}), r"initial_stress: not for plane = 'antiplane'; give normal and shear"),
@@ -235,6 +253,28 @@ OVERLOADED: list[tuple[Any, str]] = [
 def test_a_stress_that_does_not_fit_the_bodies_is_refused(changes: Table, message: str) -> None:
     with pytest.raises(CaseError, match=message):
         Model(parse_case(table(changes)))
+
+
+def test_metals_may_start_without_stress() -> None:
+    """They take the stress of the bodies where there is one; `check` then says how near to yield it is."""
+    given = section({"initial_stress.tensor": SIX, "materials.default": METAL})
+    assert parse_case(given).stressed_materials["default"].initial_stress == SIX
+    # q of the tensor over 500 MPa, with the deviator s: q^2 = 3/2 s:s.
+    xx, yy, zz, xy, yz, xz = np.array(SIX)
+    q = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * (xy**2 + yz**2 + xz**2))
+    assert float(rows(parse_case(given))["upper: initial stress over yield"].value) == pytest.approx(q / 500e6)
+    del given["initial_stress"]
+    given["faults"]["main"]["initial_stress"] = {"normal": 1e6}
+    assert Model(parse_case(given)).given[0].yielded() is None
+
+
+def test_a_material_that_does_not_know_its_stress_is_refused(tmp_path: Path) -> None:
+    plugin = tmp_path / "sand.py"
+    plugin.write_text(SAND)
+    given = section({"plugins": [str(plugin)], "materials.default": ELASTIC | {"kind": "sand"}})
+    message = facts(r"materials\.default: 'sand' does not know an initial stress; .* field `initial_stress`")
+    with pytest.raises(CaseError, match=message):
+        parse_case(given)
 
 
 def test_without_any_stress_a_case_is_refused() -> None:
