@@ -310,8 +310,12 @@ def silent(given: dict[str, Any], chosen: Any, results: Any) -> list[str]:
 
 
 def of_records(key: str) -> bool:
-    """Return whether a key is of what is recorded only."""
-    return key == "duration" or (key.startswith(("output.", "instruments")) and "rupture" not in key)
+    """Return whether a key is of what is recorded only.
+
+    The stress of elastic bodies acts on snapshots only where interfaces have tractions of their own.
+    """
+    of_output = key.startswith(("output.", "instruments")) and "rupture" not in key
+    return of_output or key in ("duration", "initial_stress")
 
 
 PAIRS = [(plane, "leapfrog") for plane in PLANES] + [
