@@ -28,12 +28,21 @@ errors = console(stderr=True)
 CaseFile = Annotated[Path, typer.Argument(help="Case file (TOML).", show_default=False)]
 
 
+def first_given(context: typer.Context, name: str) -> str | None:
+    """Return the first argument of a command that is being completed, whose parameter has this name.
+
+    The parser stops at an option that has no value yet, and leaves the arguments before it in `args`.
+    """
+    value = context.params.get(name) or next(iter(context.args), None)
+    return None if value is None else str(value)
+
+
 def keys(context: typer.Context, incomplete: str) -> list[str]:
     """Return the keys of the named case that begin with the typed text, for completion; also those not given in it."""
     from ruptfx.case import read_case, read_toml
     from ruptfx.schema import dotted_keys
 
-    path = context.params.get("case")
+    path = first_given(context, "case")
     if path is None or "=" in incomplete:
         return []
     found = set[str]()

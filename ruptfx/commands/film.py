@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import reported, runs, screen
+from ruptfx.commands._shared import first_given, reported, runs, screen
 
 if TYPE_CHECKING:
     import xarray
@@ -24,7 +24,7 @@ def cameras(context: typer.Context, incomplete: str) -> list[str]:
     from ruptfx.record import Record
 
     found: list[str] = []
-    with suppress(RuptfxError), Record(Path(str(context.params.get("run")))) as record:
+    with suppress(RuptfxError), Record(Path(first_given(context, "run") or "")) as record:
         found += [str(table.get("name")) for table in record.case.get("cameras", [])]
     return [name for name in found if name.startswith(incomplete)]
 

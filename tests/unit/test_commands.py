@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -283,11 +286,21 @@ def test_completion_of_runs_and_keys(runs: Path, tmp_path: Path, monkeypatch: py
     assert run_directories(f"{runs.name}/") == [f"{runs.name}/one", f"{runs.name}/two"]
     assert run_directories(f"{runs.name}/o") == [f"{runs.name}/one"] and run_directories("nothing") == []
     assert runs_and_files(f"{runs.name}/") == [f"{runs.name}/{name}" for name in ("one", "two", "measured.csv")]
-    context = SimpleNamespace(params={"case": runs / "one.toml"})
+    context = SimpleNamespace(params={"case": runs / "one.toml"}, args=[])
     assert keys(context, "faults.main.initial_stress.n") == ["faults.main.initial_stress.normal="]
     # Also keys that the case does not give.
     assert keys(context, "output.bulk_i") == ["output.bulk_interval="] and keys(context, "duration=") == []
-    assert keys(SimpleNamespace(params={}), "d") == []
+    assert keys(SimpleNamespace(params={}, args=[]), "d") == []
+
+
+def test_the_shell_completes_a_key_behind_the_option(runs: Path) -> None:
+    """By the protocol of the shell, where the parser has an option without a value."""
+    words = f"ruptfx run {runs / 'one.toml'} --set output.bulk_i"
+    done = subprocess.run(
+        [sys.executable, "-m", "ruptfx"], capture_output=True, text=True, timeout=120, check=False,
+        env={**os.environ, "_RUPTFX_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": "4"},
+    )  # fmt: skip
+    assert done.stdout.split() == ["output.bulk_interval="], done.stderr
 
 
 def test_export_tables(runs: Path, tmp_path: Path) -> None:
