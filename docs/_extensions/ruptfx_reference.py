@@ -242,7 +242,7 @@ class Bench(Directive):
         block = section(name, f"bench-{name}")
         block += paragraph(about(name))
         command = f"ruptfx bench {name}" + " --fine" * saved["fine"]
-        block += paragraph(f"`{command}`, {saved['seconds']:.0f} s on the machine of these results")
+        block += paragraph(f"`{command}`, {duration(saved)} on the machine of these results")
         block += checks(saved)
         return block
 
@@ -257,6 +257,11 @@ def linked(name: str, text: str, page: str = "") -> nodes.paragraph:
     block = nodes.paragraph()
     block += nodes.reference(text, text, refuri=f"{page}#{nodes.make_id(f'bench-{name}')}", internal=True)
     return block
+
+
+def duration(saved: dict[str, Any]) -> str:
+    """Return the time of a benchmark as text; results put together from several runs have none."""
+    return "time not measured" if saved["seconds"] is None else f"{saved['seconds']:.0f} s"
 
 
 def checks_of(saved: dict[str, Any]) -> list[bench.Check]:
@@ -291,7 +296,7 @@ def summary(saved: dict[str, dict[str, Any]]) -> nodes.table:
         sources = list(cited) or list(dict.fromkeys(check.source for check in found if check.source))
         largest = max(map(use, found))
         part = "above 100 %" if math.isinf(largest) else f"{100 * largest:.0f} %" if largest >= 0 else ""
-        rows.append((linked(name, name), "; ".join(sources[:2]), passed(found), part, f"{each['seconds']:.0f} s"))
+        rows.append((linked(name, name), "; ".join(sources[:2]), passed(found), part, duration(each)))
     header = ("benchmark", "expected values from", "checks passed", "largest error over its tolerance", "time")
     return table(header, rows, (16, 44, 14, 16, 10), literal=0)
 

@@ -51,6 +51,11 @@ def test_repeated_checks_are_one_row_with_the_worst(pages: ModuleType) -> None:
     assert text.count("energy closure") == 1 and says("worst of 3 runs", text) and "0.0005" in text
 
 
+def test_a_time_that_was_not_measured_is_not_shown(pages: ModuleType) -> None:
+    assert pages.duration({"seconds": 12.4}) == "12 s"
+    assert pages.duration({"seconds": None}) == "time not measured"
+
+
 def test_the_summary_has_every_benchmark_with_results(pages: ModuleType) -> None:
     saved = {path.stem: json.loads(path.read_text()) for path in (PAGES / "results").glob("*.json")}
     text = pages.summary(saved).astext()
