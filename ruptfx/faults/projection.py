@@ -298,8 +298,6 @@ class Projected:
         At the time of the traction [m/s].
     state : dict of ndarray, shape (n,)
         At the time of the traction.
-    tangent : Tangent or None
-        Derivatives, if requested.
     """
 
     normal_stress: np.ndarray
@@ -307,26 +305,6 @@ class Projected:
     mean_slip_rate: np.ndarray
     slip_rate: np.ndarray
     state: dict[str, np.ndarray]
-    tangent: Tangent | None = None
-
-
-@dataclass
-class Tangent:
-    """Exact derivatives of the admissible tractions with respect to the trial, including the state in the solve.
-
-    Attributes
-    ----------
-    stress : ndarray, shape (n,)
-        d normal_stress / d trial_normal: 1 where closed, 0 where open.
-    rate_by_shear : ndarray, shape (n, tangents, tangents)
-        d V / d trial_shear [m/s/Pa]; the shear traction changes by 1 - Z times this.
-    rate_by_normal : ndarray, shape (n, tangents)
-        d V / d trial_normal [m/s/Pa], negative or zero: pressure increases strength and reduces slip.
-    """
-
-    stress: np.ndarray
-    rate_by_shear: np.ndarray
-    rate_by_normal: np.ndarray
 
 
 class ProjectionError(RuptfxError):
@@ -369,7 +347,6 @@ def project(
     radiation: np.ndarray | float = 0.0,
     guess: np.ndarray | None = None,
     where: str = "",
-    tangent: bool = False,
     cohesive: CohesiveStrength | None = None,
 ) -> Projected:
     """Project trial tractions onto those that the law admits.
@@ -393,8 +370,6 @@ def project(
         Initial guess of |V| [m/s].
     where : str
         Text added to the message of an error, for example the time.
-    tangent : bool
-        Compute derivatives, too.
     cohesive : CohesiveStrength, optional
         Tensile and shear strength in addition to friction.
 
@@ -440,42 +415,11 @@ def project(
         mean_slip_rate=mean,
         slip_rate=now,
         state={name: np.array(value) for name, value in found.state.items()},
-        tangent=_tangent(sigma, size, rate, direction, z[:, 0], kept, turning, found) if tangent else None,
     )
 
 
 def _unit(vector: np.ndarray, size: np.ndarray) -> np.ndarray:
     return vector / np.where(size > 0, size, 1.0)[:, None]
-
-
-def _tangent(
-    sigma: np.ndarray, size: np.ndarray, rate: np.ndarray, direction: np.ndarray, z: np.ndarray, kept: np.ndarray,
-    turning: np.ndarray, found: Evaluated,
-) -> Tangent:  # fmt: skip
-    """Return the derivative of t - Z V = strength(V, sigma, b) and of the direction d of the traction.
-
-    t and b are the parts of trial and V_before along the traction; V = (V + c) d - k V_before with c the part of
-    k V_before along d. There is one impedance for all tangents.
-    """
-    closed, sliding = sigma > 0, rate > 0
-    carried = np.sum(turning * direction, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        bend = np.where(sliding, 1 / size, 0.0)[:, None]
-        # (Z + dstrength/dV) dV = dt - dstrength/db db - dstrength/dsigma dsigma; an open interface has no strength
-        yielding = np.where(sliding, 1 / (z + np.where(closed, found.slope, 0.0)), 0.0)
-        by_normal = np.where(sliding & closed, -yielding * found.stress_slope, 0.0)
-    # d(b) / d(trial) and d(c) / d(trial): what is across the direction, over the size of trial'.
-    db, dc = (bend * (v - np.sum(v * direction, axis=1)[:, None] * direction) for v in (kept, turning))
-    before_slope = np.where(closed, found.before_slope, 0.0)[:, None]
-    by_size = yielding[:, None] * (direction - z[:, None] * dc - before_slope * db)
-    plane = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
-    by_shear = direction[:, :, None] * (by_size + dc)[:, None, :]
-    by_shear += ((rate + carried)[:, None] * bend)[:, :, None] * plane
-    return Tangent(
-        stress=closed.astype(float),
-        rate_by_shear=by_shear,
-        rate_by_normal=by_normal[:, None] * direction,
-    )
 
 
 def _solve(

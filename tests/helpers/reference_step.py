@@ -44,7 +44,7 @@ class Settled:
 
 def point(
     fault: Fault, law: TracedLaw, state: FaultState, jump: np.ndarray, clock: Clock, time: float,
-    radiation: float | np.ndarray = 0.0, guess: FaultState | None = None, tangent: bool = False, **known: Array,
+    radiation: float | np.ndarray = 0.0, guess: FaultState | None = None, **known: Array,
 ) -> Found:  # fmt: skip
     """Trial, and what law and cohesion admit of it.
 
@@ -52,7 +52,7 @@ def point(
     ----------
     state : FaultState
         At the traction before.
-    radiation, tangent
+    radiation
         As for `project`.
     guess : FaultState, optional
         Whose mean slip rate is near; that of the step before if not given.
@@ -74,7 +74,7 @@ def point(
             law, known_state | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}, trial.normal_stress,
             np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
             clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
-            where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent, cohesive=cohesive,
+            where=f"of fault '{fault.name}' at time {time:.6g} s", cohesive=cohesive,
         )  # fmt: skip
 
     if fault.cohesion is None:
@@ -223,18 +223,78 @@ def respond_reference(
     law = TracedLaw(fault.friction, at_end=True, bonded=fault.cohesion is not None)
     clock = Clock.implicit(dt, dt_before)
     found = point(
-        fault, law, state, jump, clock, time, radiation, guess, tangent=True, normal_multiplier=multiplier[0],
+        fault, law, state, jump, clock, time, radiation, guess, normal_multiplier=multiplier[0],
         shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
     )  # fmt: skip
     settled = write_back(fault, law, state, jump, found, clock, time, threshold)
-    return Response(settled.change, _tangent(fault, *found[:2], dt), settled.state)
+    slopes = projection_slopes(fault, law, state, found, clock, radiation)
+    return Response(settled.change, _tangent(fault, found[0], slopes, dt), settled.state)
 
 
-def _tangent(fault: Fault, trial: Trial, done: Projected, dt: float) -> np.ndarray:
+@dataclass
+class Slopes:
+    """Exact derivatives of the admissible tractions with respect to the trial, including the state in the solve.
+
+    Attributes
+    ----------
+    stress : ndarray, shape (n,)
+        d normal_stress / d trial_normal: 1 where closed, 0 where open.
+    rate_by_shear : ndarray, shape (n, tangents, tangents)
+        d V / d trial_shear [m/s/Pa]; the shear traction changes by 1 - Z times this.
+    rate_by_normal : ndarray, shape (n, tangents)
+        d V / d trial_normal [m/s/Pa], negative or zero: pressure increases strength and reduces slip.
+    """
+
+    stress: np.ndarray
+    rate_by_shear: np.ndarray
+    rate_by_normal: np.ndarray
+
+
+def projection_slopes(
+    fault: Fault, law: TracedLaw, state: FaultState, found: Found, clock: Clock, radiation: np.ndarray | float,
+) -> Slopes:  # fmt: skip
+    """Derivatives of t - Z V = strength(V, sigma, b) and of the direction d of the traction.
+
+    t and b are the parts of trial and V_before along the traction; V = (V + c) d - k V_before with c the part of
+    k V_before along d. There is one impedance for all tangents.
+    """
+    trial, done, bonded = found
+    before, shear = fault.components(state, "mean_slip_rate"), np.stack(trial.shear_traction, axis=1)
+    z, k = np.asarray(trial.impedance[0])[:, None], law.carried(clock.extrapolation)
+    kept = before * (np.sum(before * shear, axis=1) > 0)[:, None]
+    large = 2 * np.linalg.norm(k * z * kept, axis=1) > np.linalg.norm(shear, axis=1)
+    turning = k * np.where(large[:, None] & (k < 0), 0.0, kept)
+    shifted = shear + z * turning
+    size = np.linalg.norm(shifted, axis=1)
+    direction = shifted / np.where(size > 0, size, 1.0)[:, None]
+    carried, along = np.sum(turning * direction, axis=1), np.sum(kept * direction, axis=1)
+    sliding, closed = done.mean_slip_rate.any(axis=1), done.normal_stress > 0
+    rate = np.where(sliding, np.sum((done.mean_slip_rate + turning) * direction, axis=1) - carried, 0.0)
+    known = {name: state[name] for name in law.state_names} | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}
+    law_there = law(
+        rate, np.maximum(done.normal_stress, 0.0), known, clock.since, before=along,
+        speed_before=np.linalg.norm(before, axis=1), extrapolation=clock.extrapolation, radiation=radiation,
+        bond=0.0 if bonded is None else bonded.cohesive.shear,
+    )  # fmt: skip
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bend = np.where(sliding, 1 / size, 0.0)[:, None]
+        # (Z + dstrength/dV) dV = dt - dstrength/db db - dstrength/dsigma dsigma; an open interface has no strength
+        yielding = np.where(sliding, 1 / (z[:, 0] + np.where(closed, law_there.slope, 0.0)), 0.0)
+        by_normal = np.where(sliding & closed, -yielding * law_there.stress_slope, 0.0)
+    # d(b) / d(trial) and d(c) / d(trial): what is across the direction, over the size of trial'.
+    db, dc = (bend * (v - np.sum(v * direction, axis=1)[:, None] * direction) for v in (kept, turning))
+    before_slope = np.where(closed, law_there.before_slope, 0.0)[:, None]
+    by_size = yielding[:, None] * (direction - z * dc - before_slope * db)
+    plane = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
+    by_shear = direction[:, :, None] * (by_size + dc)[:, None, :]
+    by_shear += ((rate + carried)[:, None] * bend)[:, :, None] * plane
+    return Slopes(closed.astype(float), by_shear, by_normal[:, None] * direction)
+
+
+def _tangent(fault: Fault, trial: Trial, slopes: Slopes, dt: float) -> np.ndarray:
     """dT / d[u] from the derivatives of the projection: the trial has the stiffness relief / dt along the interface
     and 1 / compliance across."""
-    assert done.tangent is not None
-    slopes, tangents, relief = done.tangent, fault.tangents, trial.impedance[0]
+    tangents, relief = fault.tangents, np.asarray(trial.impedance[0])
     along = (relief / dt)[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
     has_normal = fault.interface.has_normal
     result = np.zeros((len(relief), has_normal + tangents, has_normal + tangents))
