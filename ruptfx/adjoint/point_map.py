@@ -15,6 +15,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from ruptfx.codegen.tracing import (
     to_c,
     transposed,
 )
-from ruptfx.contact import Array, Point, Trial
+from ruptfx.contact import Point, Trial
 from ruptfx.faults.fault import FASTEST_CREEP, Fault
 from ruptfx.faults.points import Clock
 from ruptfx.faults.projection import TracedLaw, parameters_as_symbols
@@ -106,7 +107,7 @@ class PointMap:
         by_v = derivative(step.balance, step.v)
         # Factors of the outputs, and with them that of V, of the equation of V and of the free slip rate.
         factors = [symbol(f"factor_{i}") for i in range(len(outputs))]
-        of_v: Array = transposed(_sums(outputs, factors), [step.v])[0]
+        of_v: Any = transposed(_sums(outputs, factors), [step.v])[0]
         seeds = _sums(
             [*outputs, step.balance, step.free],
             [*factors, np.where(step.slides > 0, -of_v / by_v, 0.0), np.where(symbol("opened") > 0, of_v, 0.0)],
@@ -130,7 +131,7 @@ class PointMap:
         changes = {symbol(each): symbol(name) for each, name in zip(inputs, names, strict=True)}
         by_v = derivative(step.balance, step.v)
         of_balance, of_free = directional([step.balance, step.free], changes, guarded=True)
-        of_v: Array = np.where(step.slides > 0, -of_balance / by_v, np.where(symbol("opened") > 0, of_free, 0.0))
+        of_v: Any = np.where(step.slides > 0, -of_balance / by_v, np.where(symbol("opened") > 0, of_free, 0.0))
         return directional(list(step.outputs.values()), {**changes, step.v: of_v}, guarded=True), names
 
     @cached_property
@@ -222,17 +223,17 @@ class _Step:
         1 where the point is neither stuck nor open.
     """
 
-    def __init__(self, fault: Fault, law: TracedLaw, contact: Array) -> None:
+    def __init__(self, fault: Fault, law: TracedLaw, contact: Any) -> None:
         face, t = fault.interface, range(fault.tangents)
         normal = int(face.has_normal)
         self.v = v = symbol("V")
-        since, stuck, opened = symbol("since"), symbol("stuck"), symbol("opened")  # type: Array, Array, Array
-        self.slides: Array = np.where(stuck > 0, 0.0, np.where(opened > 0, 0.0, 1.0))
-        shear_0: list[Array] = [symbol(f"shear_traction_0_{k}") for k in t]
-        before: list[Array] = [symbol(f"mean_slip_rate_{k}") for k in t]
-        slip: list[Array] = [symbol(f"slip_{k}") for k in t]
+        since, stuck, opened = symbol("since"), symbol("stuck"), symbol("opened")  # type: Any, Any, Any
+        self.slides: Any = np.where(stuck > 0, 0.0, np.where(opened > 0, 0.0, 1.0))
+        shear_0: list[Any] = [symbol(f"shear_traction_0_{k}") for k in t]
+        before: list[Any] = [symbol(f"mean_slip_rate_{k}") for k in t]
+        slip: list[Any] = [symbol(f"slip_{k}") for k in t]
         sigma_0, sigma_before = symbol("normal_stress_0"), symbol("normal_stress")
-        apart: Array = symbol("jump_0") + symbol("gap") if normal else constant(0)
+        apart: Any = symbol("jump_0") + symbol("gap") if normal else constant(0)
         trial: Trial = record(contact.trial, Point(
             normal_stress_0=sigma_0, shear_traction_0=shear_0, opening_jump=apart,
             slip_jump=[symbol(f"jump_{normal + k}") for k in t], slip=slip, since=since, dt=symbol("dt"),
@@ -241,20 +242,20 @@ class _Step:
             shear_impedance=[symbol(f"shear_impedance_{k}") for k in t],
         ))  # fmt: skip
         shear, z = [_as_expression(each) for each in trial.shear_traction], trial.impedance
-        sigma: Array = np.where(opened > 0, 0.0, trial.normal_stress)
+        sigma: Any = np.where(opened > 0, 0.0, trial.normal_stress)
         # As `project` of points.c.
-        carried: Array = symbol("carried")
+        carried: Any = symbol("carried")
         product = _sum(before[k] * shear[k] for k in t)
         shift_square = _sum((carried * z[k] * before[k]) ** 2 for k in t)
         trial_square = _sum(shear[k] * shear[k] for k in t)
-        keeps: Array = np.where(carried > 0, 1.0, np.where(4 * shift_square <= trial_square, 1.0, 0.0))
-        turns: Array = np.where(product > 0, np.where(keeps > 0, carried, 0.0), 0.0)
+        keeps: Any = np.where(carried > 0, 1.0, np.where(4 * shift_square <= trial_square, 1.0, 0.0))
+        turns: Any = np.where(product > 0, np.where(keeps > 0, carried, 0.0), 0.0)
         turning = [turns * before[k] for k in t]
         shifted = [shear[k] + z[k] * turning[k] for k in t]
         size, faster = _length(shifted), _length(before)
-        way: list[Array]
+        way: list[Any]
         way = [np.sign(shifted[0])] if len(shear) == 1 else [each / _nonzero(size) for each in shifted]
-        along: Array = np.where(product > 0, _sum(before[k] * way[k] for k in t), 0.0)
+        along: Any = np.where(product > 0, _sum(before[k] * way[k] for k in t), 0.0)
         taken = _sum(turning[k] * way[k] for k in t)
         # A step of zero length has no impedance, and no slip.
         loose = [np.where(z[k] > 0, shifted[k] / np.where(z[k] > 0, z[k], 1.0), 0.0) for k in t]
@@ -268,11 +269,11 @@ class _Step:
         }  # fmt: skip
         begun = dict(zip(map(symbol, law.start), substituted(law.start.values(), given), strict=True))
         names = list(law.outputs)
-        of_law: dict[str, Array] = dict(
+        of_law: dict[str, Any] = dict(
             zip(names, substituted(law.outputs.values(), {**given, **begun}), strict=True)
         )
         strength = of_law["strength"]
-        final: list[Array]
+        final: list[Any]
         if len(shear) == 1:
             self.balance = size - z[0] * (v + taken) - strength
             final = way
@@ -286,19 +287,19 @@ class _Step:
             ]  # fmt: skip
         ends, started = fault.contact.traction_ends_slip, since > 0
         # Where it is open, without size and direction: these have a kink at zero, which the slip rate has not.
-        flies: Array = np.where(stuck > 0, 0.0, opened)
+        flies: Any = np.where(stuck > 0, 0.0, opened)
         slides = [np.where(flies > 0, loose[k], (v + taken) * final[k]) - turning[k] for k in t]
-        mean: list[Array] = [np.where(stuck > 0, 0.0, slides[k]) for k in t]
-        traction: list[Array] = [np.where(opened > 0, 0.0, shear[k] - z[k] * mean[k]) for k in t]
+        mean: list[Any] = [np.where(stuck > 0, 0.0, slides[k]) for k in t]
+        traction: list[Any] = [np.where(opened > 0, 0.0, shear[k] - z[k] * mean[k]) for k in t]
         moving = [of_law["rate_now"] * final[k] for k in t]
         if not ends:
             moving = [np.where(flies > 0, 0.5 * loose[k], moving[k]) for k in t]
-        now: list[Array] = [np.where(stuck > 0, 0.0 if ends else 0.5 * before[k], moving[k]) for k in t]
+        now: list[Any] = [np.where(stuck > 0, 0.0 if ends else 0.5 * before[k], moving[k]) for k in t]
         if ends:
             mean = [np.where(started, mean[k], before[k]) for k in t]
         slipping = mean if ends else before
         change = [shear_k - initial for shear_k, initial in zip(traction, shear_0, strict=True)]
-        opening: Array = (sigma - trial.normal_stress) * trial.normal_compliance if ends else np.where(
+        opening: Any = (sigma - trial.normal_stress) * trial.normal_compliance if ends else np.where(
             sigma_before > 0, 0.0, np.where(apart < 0, 0.0, apart)
         )
         found = {
@@ -309,11 +310,11 @@ class _Step:
             "opening": opening,
         }  # fmt: skip
         self.outputs = {name: _as_expression(value) for name, value in found.items()}
-        of_found: list[Array] = [symbol(f"found_{k}") for k in t]
-        solved: Array = _length([of_found[k] + turning[k] for k in t]) - taken if len(shear) > 1 else (
+        of_found: list[Any] = [symbol(f"found_{k}") for k in t]
+        solved: Any = _length([of_found[k] + turning[k] for k in t]) - taken if len(shear) > 1 else (
             _sum(of_found[k] * way[k] for k in t)
         )
-        self.v_found: Array = np.where(stuck > 0, 0.0, np.where(opened > 0, self.free, solved))
+        self.v_found: Any = np.where(stuck > 0, 0.0, np.where(opened > 0, self.free, solved))
 
 
 class InitialMap:
@@ -339,12 +340,12 @@ class InitialMap:
         t, self._n, self._names = range(fault.tangents), len(fault.interface.weight), names
         given = np.zeros((self._n, len(t))) if slip_rate is None else slip_rate
         self._given = np.ascontiguousarray(given.T)
-        rate: list[Array] = [symbol(f"given_{k}") for k in t]
-        shear_0: list[Array] = [symbol(f"shear_traction_0_{k}") for k in t]
+        rate: list[Any] = [symbol(f"given_{k}") for k in t]
+        shear_0: list[Any] = [symbol(f"shear_traction_0_{k}") for k in t]
         shear, speed, sigma = _length(shear_0), _length(rate), symbol("normal_stress_0")
         _, law = parameters_as_symbols(fault.friction, "p_")
-        state: Mapping[str, Array] = record(law.initial_state, sigma, shear, speed)
-        creep: Array = _as_expression(record(law.carried_slip_rate, shear, sigma, state))
+        state: Mapping[str, Any] = record(law.initial_state, sigma, shear, speed)
+        creep: Any = _as_expression(record(law.carried_slip_rate, shear, sigma, state))
         creep = np.where(creep < FASTEST_CREEP, creep, 0.0)
         start = {
             **{f"slip_{k}": constant(0) for k in t},
@@ -403,26 +404,26 @@ def _rows(block: Floats) -> NDArray[np.uintp]:
     return np.asarray(block.ctypes.data + block.strides[0] * np.arange(len(block)), dtype=np.uintp)
 
 
-def _sums(expressions: Sequence[Expression], factors: Sequence[Array]) -> dict[Expression, Expression]:
+def _sums(expressions: Sequence[Expression], factors: Sequence[Any]) -> dict[Expression, Expression]:
     """Return the factor of every expression; equal expressions are one, with the sum of their factors."""
-    found: dict[Expression, Array] = {}
+    found: dict[Expression, Any] = {}
     for expression, factor in zip(expressions, factors, strict=True):
         found[expression] = found[expression] + factor if expression in found else factor
     return found
 
 
-def _as_expression(value: Array) -> Expression:
+def _as_expression(value: Any) -> Expression:
     return value if isinstance(value, Expression) else constant(value)
 
 
-def _sum(terms: Array) -> Array:
-    total: Array = 0.0
+def _sum(terms: Any) -> Any:
+    total: Any = 0.0
     for term in terms:
         total = term + total
     return total
 
 
-def _length(vector: Sequence[Array]) -> Array:
+def _length(vector: Sequence[Any]) -> Any:
     """Return the length of a vector with the derivative zero where it is zero."""
     if len(vector) == 1:
         return np.abs(vector[0])
@@ -430,5 +431,5 @@ def _length(vector: Sequence[Array]) -> Array:
     return np.where(square > 0, np.sqrt(np.where(square > 0, square, 1.0)), 0.0)
 
 
-def _nonzero(value: Array) -> Array:
+def _nonzero(value: Any) -> Any:
     return np.where(value > 0, value, 1.0)

@@ -184,8 +184,8 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
             half: Table = {"before": 0.5 * v, "speed_before": 0.5 * v, "extrapolation": 0.5}
             found = TracedLaw(law, at_end)(v, sigma, state | {"normal_stress": 2 * sigma}, 2e3, **half)
             close(found.rate_now, now, 1e-12, "slip rate at the traction")
-            expected = law.strength(now, sigma, law.advance(state, now, sigma, 1e3))  # half of the step
-            close(found.strength, expected, 1e-9, "strength after a long step", slip_rate=now)
+            after = law.strength(now, sigma, law.advance(state, now, sigma, 1e3))  # half of the step
+            close(found.strength, after, 1e-9, "strength after a long step", slip_rate=now)
     return None
 
 

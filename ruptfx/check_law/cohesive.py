@@ -36,7 +36,7 @@ def toml(law: CohesiveLaw, seed: int) -> None:
 def remaining(law: CohesiveLaw, seed: int) -> None:
     """Check that the remaining strength falls from 1 at damage 0 to 0 at damage 1, with the declared area."""
     damage = np.linspace(0, 1, N + 1)
-    found = law.remaining_fraction(damage) + 0 * damage
+    found = np.asarray(law.remaining_fraction(damage) + 0 * damage)
     require(np.isfinite(found), "remaining_fraction is not finite", damage=damage)
     close(found[0], 1.0, 1e-12, "remaining_fraction is not 1 at damage 0")
     require(abs(found[-1]) <= 1e-12, f"remaining_fraction is {found[-1]:.6g}, not 0, at damage 1")
@@ -105,6 +105,6 @@ def straight_path(law: CohesiveLaw, angle: float, longest: float = 1.0) -> tuple
         Size of the jump at the end of the path, in these units.
     """
     opening, slip = jump_at(law, angle, np.linspace(0, longest, N + 1))
-    damage = law.damage(opening, slip) + 0 * opening
+    damage = np.asarray(law.damage(opening, slip) + 0 * opening)
     left = np.where(damage < 1, law.remaining_fraction(damage), 0.0)
     return damage, float(np.trapezoid(law.f_t * left, opening)), float(np.trapezoid(law.c * left, slip))

@@ -13,22 +13,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
 from ruptfx import RuptfxError, Table
-from ruptfx.fields import Array
 from ruptfx.schema import Alternative
 
-Derivatives = tuple[Array, ...]
+Derivatives = tuple[Any, ...]
 Recorded = TypeVar("Recorded")
 
 
 def _refuse(what: str, instead: str) -> Callable[..., NoReturn]:
     """Return a special method that raises an error, for a value that is not yet known."""
 
-    def method(self: Array, *args: Array, **options: Array) -> NoReturn:
+    def method(self: Any, *args: Any, **options: Any) -> NoReturn:
         raise RuptfxError(f"{what}: {instead}")
 
     return method
@@ -46,10 +45,10 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
 
     __slots__ = ("args", "is_condition", "op")
     op: str
-    args: tuple[Array, ...]
+    args: tuple[Any, ...]
     is_condition: bool
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Array, **options: Array) -> Array:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         name = f"numpy.{ufunc.__name__}"
         if method != "__call__":
             raise RuptfxError(f"{name}.{method} cannot be traced: use pointwise functions")
@@ -59,7 +58,7 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
             raise RuptfxError(f"{name} with {', '.join(options)}= cannot be traced: use numpy.where")
         return apply(ufunc.__name__, *inputs)
 
-    def __array_function__(self, function: Array, types: Array, args: Array, options: Array) -> Array:
+    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
         if function not in _FUNCTIONS:
             raise RuptfxError(f"numpy.{function.__name__} cannot be traced: use pointwise functions and numpy.where")
         return _FUNCTIONS[function](*args, **options)
@@ -93,7 +92,7 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 @cache
-def _node(op: str, *args: Array) -> Expression:
+def _node(op: str, *args: Any) -> Expression:
     node = Expression.__new__(Expression)
     node.op, node.args = op, args
     chosen = op in ("multiply", "where") and all(arg.is_condition for arg in args[-2:])
@@ -106,7 +105,7 @@ def symbol(name: str) -> Expression:
     return _node("symbol", name)
 
 
-def constant(value: Array) -> Expression:
+def constant(value: Any) -> Expression:
     """Return a number in the formula.
 
     Raises
@@ -121,11 +120,11 @@ def constant(value: Array) -> Expression:
         raise RuptfxError(f"{shown} is no number; use numbers, parameters and what the method is given") from None
 
 
-def _is(node: Array, value: float) -> bool:
+def _is(node: Any, value: float) -> bool:
     return bool(node.op == "constant" and node.args[0] == value)
 
 
-def apply(op: str, *inputs: Array) -> Expression:
+def apply(op: str, *inputs: Any) -> Expression:
     """Return a new node, simplified if an argument is 0 or 1 (frequent in derivatives).
 
     Raises
@@ -173,7 +172,7 @@ _ALIASES = {
 }  # fmt: skip
 
 # Operations written in terms of others.
-_SPELLED: dict[str, Callable[..., Array]] = {
+_SPELLED: dict[str, Callable[..., Any]] = {
     "positive": lambda x: x,
     "square": lambda x: x * x,
     "reciprocal": lambda x: 1 / x,
@@ -253,14 +252,14 @@ _RULES: dict[str, Callable[..., Derivatives]] = {
 }
 
 
-def _where(condition: Array, *values: Array) -> Expression:
+def _where(condition: Any, *values: Any) -> Expression:
     if len(values) != 2:
         raise RuptfxError("numpy.where with a condition alone picks points: give both values, numpy.where(c, x, y)")
     return apply("where", condition, *values)
 
 
 def _clip(
-    x: Array, low: Array = None, high: Array = None, *, min: Array = None, max: Array = None, **given: Array
+    x: Any, low: Any = None, high: Any = None, *, min: Any = None, max: Any = None, **given: Any
 ) -> Expression:
     """Trace `numpy.clip`, whose bounds have two names each."""
     low, high = given.pop("a_min", low if min is None else min), given.pop("a_max", high if max is None else max)
@@ -270,7 +269,7 @@ def _clip(
     return x if high is None else apply("minimum", x, high)
 
 
-def _select(conditions: Iterable[Array], values: Iterable[Array], default: Array = 0.0) -> Expression:
+def _select(conditions: Iterable[Any], values: Iterable[Any], default: Any = 0.0) -> Expression:
     result = default if isinstance(default, Expression) else constant(default)
     for condition, value in reversed(list(zip(conditions, values, strict=True))):
         result = apply("where", condition, value, result)
@@ -291,7 +290,7 @@ _FUNCTIONS: dict[object, Callable[..., Expression]] = {
 
 
 def record(
-    function: Callable[..., Array], *inputs: Array, as_: Callable[[Array], Recorded] = lambda found: found
+    function: Callable[..., Any], *inputs: Any, as_: Callable[[Any], Recorded] = lambda found: found
 ) -> Recorded:
     """Call a method with symbols instead of numbers.
 
@@ -315,7 +314,7 @@ def record(
         raise RuptfxError(located(error, function)) from error
 
 
-def located(error: Exception, function: Callable[..., Array]) -> str:
+def located(error: Exception, function: Callable[..., Any]) -> str:
     """Return an error message with file, line and method of the innermost law or contact method in the traceback."""
     trace = error.__traceback__
     code = getattr(function, "__func__", function).__code__
@@ -401,7 +400,7 @@ def transposed(seeds: Mapping[Expression, Expression], variables: Iterable[Expre
     return [total.get(variable, constant(0)) for variable in variables]
 
 
-def _times(factor: Expression, partial: Array) -> Expression:
+def _times(factor: Expression, partial: Any) -> Expression:
     """Return a factor times a partial derivative, zero where the factor is, also where the derivative is infinite."""
     if not isinstance(partial, Expression) or partial.op == "constant":
         return apply("multiply", factor, partial)
@@ -420,7 +419,7 @@ def substituted(expressions: Iterable[Expression], values: Mapping[Expression, E
     return [new[expression] for expression in expressions]
 
 
-def depends(expression: Array, variables: Iterable[Expression]) -> bool:
+def depends(expression: Any, variables: Iterable[Expression]) -> bool:
     """Return whether any of the symbols occurs in a traced expression (or number)."""
     return isinstance(expression, Expression) and not set(_ordered([expression])).isdisjoint(variables)
 

@@ -6,6 +6,7 @@ brings the trial back to tractions that the friction law admits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -42,18 +43,18 @@ class Point:
     """
 
     normal_stress_0: Array
-    shear_traction_0: list[Array]
+    shear_traction_0: Sequence[Array]
     opening_jump: Array
-    slip_jump: list[Array]
+    slip_jump: Sequence[Array]
     opening_velocity: Array
-    slip_velocity: list[Array]
-    slip: list[Array]
+    slip_velocity: Sequence[Array]
+    slip: Sequence[Array]
     since: Array
     dt: Array
     normal_impedance: Array
-    shear_impedance: list[Array]
+    shear_impedance: Sequence[Array]
     normal_multiplier: Array = 0.0
-    shear_multiplier: list[Array] = field(default_factory=list)
+    shear_multiplier: Sequence[Array] = field(default_factory=list)
     body_stiffness: Array = 0.0
 
 
@@ -70,9 +71,9 @@ class Trial:
     """
 
     normal_stress: Array
-    shear_traction: list[Array]
+    shear_traction: Sequence[Array]
     normal_compliance: Array
-    impedance: list[Array]
+    impedance: Sequence[Array]
 
 
 class ContactMethod(Alternative):

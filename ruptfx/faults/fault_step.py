@@ -161,8 +161,8 @@ class FaultStep:
             self._code.fail(state, time, self._result)
         if fault.is_loaded:
             rate = fault.components(state, "mean_slip_rate")
-            power = fault.contact.dissipated(fault.load(time - since), load, rate_old, rate).sum(axis=1)
-            work = float((fault.interface.owned * fault.interface.weight) @ power)
+            power = np.asarray(fault.contact.dissipated(fault.load(time - since), load, rate_old, rate))
+            work = float((fault.interface.owned * fault.interface.weight) @ power.sum(axis=1))
             self.work = work * (since if fault.contact.traction_ends_slip else self.clock.kick)
         return float(self._result[0])
 

@@ -11,12 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from importlib.resources import files
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
 from ruptfx.codegen import native
 from ruptfx.codegen.tracing import Expression, constant, record, symbol, to_c
-from ruptfx.contact import Array, Point, Trial
+from ruptfx.contact import Point, Trial
 from ruptfx.faults.cohesive_interface import DAMAGED, STATE
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.projection import BALANCED, BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
@@ -87,7 +88,7 @@ class PointCode:
         self._fault.fail(state, int(result[1]), time, values)
 
     def compile(
-        self, name: str, sources: Sequence[str], known: Mapping[str, Array], macros: Mapping[str, object],
+        self, name: str, sources: Sequence[str], known: Mapping[str, Any], macros: Mapping[str, object],
         at_end: Mapping[str, Expression] | None = None,
     ) -> ctypes.CDLL:  # fmt: skip
         """Compile `points.c` with further sources and return the library.
@@ -137,7 +138,7 @@ class PointCode:
         found |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
         return found | {name: f"BEGUN({name})" for name in law.start}
 
-    def _formulas(self, known: Mapping[str, Array], at_end: Mapping[str, Expression]) -> dict[str, object]:
+    def _formulas(self, known: Mapping[str, Any], at_end: Mapping[str, Expression]) -> dict[str, object]:
         """Return the traced formulas as C statements."""
         law, tangents = self._law, range(self._fault.tangents)
 
@@ -150,7 +151,7 @@ class PointCode:
             opening_jump=opening, slip_jump=each("points->jump[NORMAL + {}][l]"), slip=each("OLD(slip + {})"),
             since=symbol("since"), dt=symbol("dt"), **known,
         ))  # fmt: skip
-        taken: Array = record(
+        taken: Expression = record(
             self._contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate"))
         )
         at = Moment(**{field.name: symbol(field.name) for field in fields(Moment)})

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +46,7 @@ class Clock:
 
 
 def closed_and_stuck(
-    fault: Fault, jump: np.ndarray, slip: np.ndarray, clock: Clock, time: float, **known: Array
+    fault: Fault, jump: np.ndarray, slip: np.ndarray, clock: Clock, time: float, **known: Array | Sequence[Array]
 ) -> Trial:
     """Return the trial as arrays of shape (n,).
 
@@ -63,7 +65,7 @@ def closed_and_stuck(
     opening, slip_jump = fault.interface.split(jump)
     unknown = np.full(len(jump), np.nan)
     each_unknown = [unknown] * fault.tangents
-    explicit: dict[str, Array] = {
+    explicit: dict[str, Any] = {
         "opening_velocity": unknown, "slip_velocity": each_unknown, "normal_impedance": unknown,
         "shear_impedance": each_unknown,
     }  # fmt: skip
@@ -73,7 +75,7 @@ def closed_and_stuck(
         dt=clock.dt, **(explicit | known),
     ))  # fmt: skip
 
-    def each(values: list[Array]) -> list[Array]:
+    def each(values: Sequence[Array]) -> list[np.ndarray]:
         return [np.broadcast_to(value, unknown.shape) for value in values]
 
     normal, compliance = each([found.normal_stress, found.normal_compliance])

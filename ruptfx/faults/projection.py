@@ -20,12 +20,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ruptfx import RuptfxError, Table
 from ruptfx.codegen.tracing import Expression, constant, derivative, record, symbol, to_numpy
-from ruptfx.fields import Array
 from ruptfx.friction import AT_REST, FrictionLaw
 from ruptfx.schema import Part
 
@@ -35,6 +35,8 @@ MAX_ITERATIONS = 100
 BISECT_EVERY = 8
 OVERFLOW = 1e50  # Pa
 FOR_EVER = 1e9  # steps, after which the state is that of steady sliding
+
+PartOfCase = TypeVar("PartOfCase", bound=Part)
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class CohesiveStrength:
         return np.where(trial > 0, trial, 0.0 - np.minimum(self.tension, -trial * secant))
 
 
-def parameters_as_symbols(part: Part, prefix: str) -> tuple[Table, Array]:
+def parameters_as_symbols(part: PartOfCase, prefix: str) -> tuple[Table, PartOfCase]:
     """Replace every number of a part by a symbol; return the numbers and the part.
 
     Parts that differ in numbers share their code.
@@ -126,7 +128,7 @@ class TracedLaw:
         self.law, self.at_end = law, at_end
         self.state_names = list(law.all_state_fields())
         self.parameters, traced = parameters_as_symbols(law, "p_")
-        rate, before = symbol("slip_rate"), symbol("rate_before")  # type: Array, Array
+        rate, before = symbol("slip_rate"), symbol("rate_before")  # type: Any, Any
         stress, dt = symbol("normal_stress"), symbol("since")
         if at_end:
             ahead = symbol("extrapolation") * np.minimum(rate - before, before)
@@ -148,11 +150,11 @@ class TracedLaw:
         later = advance(steady, speed_before, stress_before, dt)
         new = dict(half_way)
         for name in (name for name in old if name not in sums):
-            forgotten: Array = np.minimum(np.maximum(1 - derivative(later[name], steady[name]), 0.0), 1.0)
+            forgotten: Any = np.minimum(np.maximum(1 - derivative(later[name], steady[name]), 0.0), 1.0)
             self.start[f"f_{name}"] = np.square(np.square(forgotten))
             rate_after = middle + symbol(f"f_{name}") * (now - middle)
             new[name] = advance(half_way, rate_after, stress, 0.5 * dt)[name]
-        strength: Array = strength_of(now, stress, new) + symbol("radiation") * now
+        strength: Any = strength_of(now, stress, new) + symbol("radiation") * now
         if bonded:
             strength = strength + symbol("bond")
         self.outputs = {
@@ -170,16 +172,16 @@ class TracedLaw:
     def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., Table], Callable[..., Expression]]:
         """Return `advance` and `strength`, whose errors give the line."""
 
-        def as_state(found: Array) -> dict[str, Expression]:
+        def as_state(found: Any) -> dict[str, Expression]:
             if not isinstance(found, Mapping) or set(found) != set(self.state_names):
                 shown = f"state {', '.join(found) or 'nothing'}" if isinstance(found, Mapping) else repr(found)
                 raise RuptfxError(f"returns {shown}; state_fields declares {', '.join(self.state_names) or 'nothing'}")
             return {name: _traced(found[name]) for name in self.state_names}
 
-        def advance(state: Table, *rest: Array) -> Table:
+        def advance(state: Table, *rest: Any) -> Table:
             return record(law.advance, _Given(state), *rest, as_=as_state)
 
-        def strength(slip_rate: Array, normal_stress: Array, state: Table) -> Expression:
+        def strength(slip_rate: Any, normal_stress: Any, state: Table) -> Expression:
             return record(law.strength, slip_rate, normal_stress, _Given(state), as_=_traced)
 
         return advance, strength
@@ -189,7 +191,7 @@ class TracedLaw:
         return -extrapolation / (1 + extrapolation) if self.at_end else 1.0
 
     @cached_property
-    def _functions(self) -> tuple[Array, Array]:
+    def _functions(self) -> tuple[Any, Any]:
         """Functions from the previous state to the known part of the step, and from there to the outputs."""
         given = [*GIVEN, *self.parameters]
         return (
@@ -199,7 +201,7 @@ class TracedLaw:
 
     def __call__(
         self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
-        points: Array = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
+        points: Any = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
         extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
         bond: np.ndarray | float = 0.0,
     ) -> Evaluated:  # fmt: skip
@@ -225,7 +227,7 @@ class TracedLaw:
             Strength in addition to friction [Pa].
         """
 
-        def pick(value: Array) -> Array:
+        def pick(value: Any) -> Any:
             return value[points] if isinstance(value, np.ndarray) and value.ndim else value
 
         stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
@@ -247,14 +249,14 @@ GIVEN = (
 )  # fmt: skip
 
 
-def _traced(value: Array) -> Expression:
+def _traced(value: Any) -> Expression:
     return value if isinstance(value, Expression) else constant(value)
 
 
 class _Given(Table):
     """State passed to a law; read-only, because changes would affect the previous step."""
 
-    def _refuse(self, *args: Array, **options: Array) -> Array:
+    def _refuse(self, *args: Any, **options: Any) -> Any:
         raise RuptfxError("the state that is given must not change: return a new one, {**state, 'name': value}")
 
     __setitem__ = __delitem__ = __ior__ = update = pop = setdefault = clear = popitem = _refuse

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
@@ -26,7 +28,7 @@ class Memory(FrictionLaw):
         """Return remembered over acting normal stress at steady state."""
         return 1.0
 
-    def remembered(self, state: LawState) -> Array:
+    def remembered(self, state: LawState) -> Any:
         """Return the remembered normal stress [Pa]."""
         return sum(state[name] for name in self.state_fields)
 

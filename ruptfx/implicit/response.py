@@ -174,7 +174,7 @@ class FaultResponse:
         if fault.is_loaded:
             load_old, load = fault.load(time - dt), fault.load(time)
             rate_old, rate = (fault.components(fields, "mean_slip_rate") for fields in (old, new))
-            worked = float(area @ fault.contact.dissipated(load_old, load, rate_old, rate).sum(axis=1)) * dt
+            worked = float(area @ np.asarray(fault.contact.dissipated(load_old, load, rate_old, rate)).sum(axis=1)) * dt
         state.add_energy(fault.name, "frictional_dissipation", dissipated)
         state.add_energy(fault.name, "impact_loss", impact)
         state.energy["boundary_work"] += worked

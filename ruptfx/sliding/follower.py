@@ -83,9 +83,10 @@ class Follower:
         if self._cohesion is None:
             fields["normal_stress"][:] = np.maximum(trial.normal_stress, 0.0)
         else:
-            cohesive = self._cohesion.strength_at(fields["damage"], fields["largest_opening"], trial.normal_compliance)
-            fields["normal_stress"][:] = cohesive.normal_stress(trial.normal_stress)
-            fields["opening"][:] = (fields["normal_stress"] - trial.normal_stress) * trial.normal_compliance
+            stress, compliance = np.asarray(trial.normal_stress), np.asarray(trial.normal_compliance)
+            cohesive = self._cohesion.strength_at(fields["damage"], fields["largest_opening"], compliance)
+            fields["normal_stress"][:] = cohesive.normal_stress(stress)
+            fields["opening"][:] = (fields["normal_stress"] - stress) * compliance
         fields["shear_traction"][:] = trial.shear_traction[0]
 
     def _recall(self, state: State) -> tuple[Floats, Floats]:

@@ -24,6 +24,7 @@ from ruptfx.faults.fault_step import FaultStep
 from ruptfx.faults.interface import Interface
 from ruptfx.faults.point_code import LANES
 from ruptfx.faults.points import Clock
+from ruptfx.fields import Array
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats, Integers
 from ruptfx.state import FaultState
@@ -167,7 +168,7 @@ class SlidingStep:
         if self._rigid:
             return self._points.loss - self._opened
         before, now = self._stress_before, state["normal_stress"]
-        none = [0.0 * now]
+        none: list[Array] = [0.0 * now]
         stored_before, stored = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
         work = -0.5 * (before + now) * self._before[0, : len(now)] * self.clock.since
         if not self.clock.since:  # initial overlap, as counted by the first half of a step
@@ -278,7 +279,7 @@ class SlidingStep:
         else:
             before = rate = state["mean_slip_rate"]
             length = self.clock.since
-        return self._sum(self.fault.contact.dissipated(traction_old, traction, before, rate)) * length
+        return self._sum(np.asarray(self.fault.contact.dissipated(traction_old, traction, before, rate))) * length
 
     def _sum(self, power: Floats) -> float:
         return float(self._area @ power)

@@ -114,11 +114,11 @@ class AnyState:
         found = np.zeros_like(wrong)
         if self.columns:
             with np.errstate(all="ignore"):  # trial steps that are too long
-                strengths = (
-                    self._law.strength(slip_rate, normal_stress, self.state(each))
+                first, last = (
+                    np.asarray(self._law.strength(slip_rate, normal_stress, self.state(each)))
                     for each in (variables, variables + wrong)
                 )
-                found[:, 0] = np.abs(np.subtract(*strengths)) / normal_stress
+                found[:, 0] = np.abs(first - last) / normal_stress
         return found
 
 

@@ -284,7 +284,7 @@ class QuasiDynamicMotion(SlowMotion):
             # Slip follows the bodies there, and friction gives the traction.
             rate = np.where(prescribed[:, None], growth[:, self._shear], rate)
             speed = np.linalg.norm(rate, axis=1)
-            carried = (law.strength(speed, pressure, state) + eta * speed)[:, None] * rate
+            carried = np.asarray(law.strength(speed, pressure, state) + eta * speed)[:, None] * rate
             carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
             traction[:, self._shear] = np.where(prescribed[:, None], carried, traction[:, self._shear])
             x = np.where(prescribed, np.log(np.maximum(speed, np.exp(SLOWEST))), x)
@@ -407,7 +407,7 @@ class QuasiDynamicMotion(SlowMotion):
             has_strength=fault.has_strength, power=frictional_power(fault, old, new, dt), duration=dt,
             threshold=fault.threshold_at(time, self.model.case.output.rupture_threshold),
         )  # fmt: skip
-        return new | {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
+        return new | {monitor.name: np.asarray(monitor.update(old[monitor.name], at)) for monitor in MONITORS}
 
 
 def zero_of(

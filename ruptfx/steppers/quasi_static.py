@@ -235,8 +235,9 @@ class QuasiStaticMotion(SlowMotion):
         stress, names = new["normal_stress"], law.all_state_fields()
         pressure = np.where(stress > 0, stress, 1.0)
         explicit = law.advance({name: old[name] for name in names}, before, pressure, solution.dt)
-        strengths = (law.strength(rate, pressure, given) for given in (explicit, {name: new[name] for name in names}))
-        error = 0.5 * np.abs(np.subtract(*strengths)) / pressure
+        end = {name: new[name] for name in names}
+        first, last = (np.asarray(law.strength(rate, pressure, given)) for given in (explicit, end))
+        error = 0.5 * np.abs(first - last) / pressure
         return float(np.max(error * (stress > 0), initial=0.0))
 
     def _next(self, dt: float, error: float, solution: Solution) -> float:

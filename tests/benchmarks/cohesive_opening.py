@@ -153,7 +153,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     checks.append(Check("times of linear softening, integrated", 0.0, float(np.max(np.abs(known / linear() - 1))), 1e-6,
                         "1", "closed form"))  # fmt: skip
     for (way, (case, sizes, aim)), kind in product(WAYS.items(), ("linear", "munjiza")):
-        known, end, errors = exact(kind), law_of(kind).opening_at_failure, []
+        known, end, errors = exact(kind), float(np.asarray(law_of(kind).opening_at_failure)), []
         for size in sizes[: None if fine else 3]:
             time, opening = opened(case(kind, size), end)
             begun = opening > 0.01 * end

@@ -39,7 +39,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     checks, runs = converge(case, STATE, VALUE, "SCEC/USGS TPV103", fine)
     law = RateAndStateFlashHeating(a=0.01, V_w=0.1, **{k: v for k, v in LAW.items() if k != "kind"})
     one = np.ones(1)
-    first, last = law.steady_psi(1e-3 * one)[0], law.steady_psi(one)[0]
+    first, last = (float(np.asarray(law.steady_psi(rate))[0]) for rate in (1e-3 * one, one))
     state = {"psi": first * one}
     for _ in range(40):
         state = law.advance(state, one, 1e6 * one, 0.01)  # slip 0.4 m = D_c

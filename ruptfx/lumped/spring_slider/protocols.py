@@ -115,7 +115,7 @@ class SlideHoldSlide(Experiment):
             runs.append(traces(motions, [self.speed, 0.0, self.speed]))
             peaks.append(motions[2].friction.max())
             lows.append(motions[1].friction[-1])
-        steady = float(slider.law.steady_strength(self.speed, slider.normal_force)) / slider.normal_force
+        steady = float(np.asarray(slider.law.steady_strength(self.speed, slider.normal_force))) / slider.normal_force
         slope = np.diff(peaks) / np.diff(np.log(self.holds))
         together = {
             name: variable(("hold", "sample"), np.array([run[name][1] for run in runs]), *runs[0][name][2].values())

@@ -84,7 +84,7 @@ class Slider:
             return self.law.strength(y[2], normal_force, {"theta": np.exp(y[1])})
         return normal_force / self.interface_length * y[3]
 
-    def slip_rate(self, y: np.ndarray, normal_force: object) -> Any:
+    def slip_rate(self, y: np.ndarray, normal_force: Any) -> Any:
         """Irreversible sliding rate V [m/s]."""
         if self.size == 3:
             return y[2]

@@ -179,7 +179,7 @@ class ModulatedLoad(Experiment):
     """Of the cycle that is shown."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
-        base = float(slider.law.steady_strength(self.speed, slider.normal_force)) / slider.normal_force
+        base = float(np.asarray(slider.law.steady_strength(self.speed, slider.normal_force))) / slider.normal_force
         rows, critical, waves = [], [], []
         for number, eps in enumerate(self.amplitudes):
             progress(number / len(self.amplitudes), f"eps = {eps:g}")
@@ -241,7 +241,7 @@ class ModulatedLoad(Experiment):
         return self._cycle(slider, found * scale, eps, self.samples)
 
     def _friction(self, slider: Slider) -> float:
-        return float(slider.law.steady_strength(self.speed, slider.normal_force)) / slider.normal_force
+        return float(np.asarray(slider.law.steady_strength(self.speed, slider.normal_force))) / slider.normal_force
 
     def multiplier(self, slider: Slider, eps: float) -> float:
         """Return ln of the largest Floquet multiplier over one cycle; if positive, periodic sliding is unstable."""
