@@ -4,7 +4,7 @@ SCEC/USGS benchmark: half space, a fault from x = -16 to 12 km, a branch of 12 k
 lateral, nucleation in a square of 3 km around x = -8 km. With `--fine` the section of the demo `branched_fault` is
 extruded, with nodes 375 and 188 m apart, where the benchmark asks for 100 m; below 15 km a large friction coefficient
 keeps the faults at rest. The rupture goes on along the fault. With 375 m the nodes of the branch next to the junction
-slip by 0.3 m at most, less than `D_c`, 0.4 m; with 188 m a front runs 4.5 km along the branch at the surface, slips
+slip by 0.3 m at most, less than `D_c`, 0.4 m; with 188 m a front runs 4 km along the branch at the surface, slips
 0.6 m and stops, and the branch stays at rest below. So the branch of the benchmark is not reproduced, and how far its
 rupture goes depends on the mesh.
 
