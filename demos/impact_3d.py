@@ -121,5 +121,5 @@ def picture():
     return figure
 
 
-picture().savefig(out / "impact_3d.png", dpi=150)
+picture().savefig(out / "impact_3d.png", dpi=200)
 print(f"figure in {out}")

@@ -16,6 +16,7 @@ extensions = [
     "mathml",
     "myst_parser",
     "numpydoc",
+    "pictures",
     "ruptfx_reference",
     "sphinx.ext.autodoc",
     "sphinx_copybutton",

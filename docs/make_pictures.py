@@ -1,8 +1,8 @@
 """Draw the pictures of the site: `make pictures`, or `python docs/make_pictures.py [NAME ...] [--runs DIRECTORY]`.
 
 Pictures of `FIGURES` are figures of demos, which are run where `--runs` has no finished run of that name; those of
-`COMMANDS` are left by scripts, benchmarks and studies; others are drawn here. All of them take some hours. The movie
-has 64 colours; pictures are not quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the
+`COMMANDS` are left by scripts, benchmarks and studies; others are drawn here. All of them take some hours. Pictures
+are not quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the
 pictures: tests compare captions with them.
 """
 
@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +36,7 @@ from ruptfx.figure_style import RATE_MAP, letter, new_figure, save, styled
 PICTURES = Path(__file__).with_name("pictures")
 DEMOS = Path(__file__).parents[1] / "demos"
 V_IMP, TIP = 2.0, 2100.0  # m/s
+RESOLUTION = 200  # pixels per inch
 BLUE, ORANGE = "#1769aa", "#c8501e"
 
 
@@ -178,6 +179,27 @@ def smooth_sliding() -> Figure:
         return plots.wavefield(record, at=[0.8e-3, 1.9e-3]).figure
 
 
+def on_landing_page(draw: Callable[[Record, Axes], object], demo: str, height: float) -> Figure:
+    """Draw one panel of a demo in the width of a column, so that its text is readable there [height in inches]."""
+    with plots.style():
+        figure = Figure(figsize=(3.5, height), layout="constrained")
+        axes = figure.add_subplot()
+    with tempfile.TemporaryDirectory() as folder:
+        case = read_case(DEMOS / f"{demo}.toml", overrides=["output.figures=false"])
+        draw(simulate(case, out=Path(folder, "run")), axes)
+    return figure
+
+
+def landing_fracture() -> Figure:
+    """Fragments of a beam under the impact of a ball."""
+    return on_landing_page(lambda record, axes: plots.wavefield(record, axes, at=120e-6), "ball", 2.4)
+
+
+def landing_rough() -> Figure:
+    """Waves of two rough bodies that slide."""
+    return on_landing_page(lambda record, axes: plots.wavefield(record, axes, at=220e-6), "rough_sliding", 1.9)
+
+
 @styled
 def chamfered_block() -> Figure:
     """Stresses in the block of the demo along its base, and when points slip first: pressed unevenly, and evenly."""
@@ -220,7 +242,8 @@ def impact() -> None:
         record = simulate(case, out=Path(folder, "run"))
         for name, figure in plots.all_figures(record).items():
             if name in ("energy_budget", "space_time"):
-                figure.savefig(PICTURES / f"impact_{name}.png", dpi=130)
+                save(figure, PICTURES / f"impact_{name}.png", "png")
+                compress(PICTURES / f"impact_{name}.png")
 
 
 DRAWINGS = {
@@ -228,6 +251,7 @@ DRAWINGS = {
     "smooth_stress": smooth_stress, "smooth_waves": smooth_waves,
     "smooth_sliding": smooth_sliding,
     "chamfered_block": chamfered_block,
+    "landing_fracture": landing_fracture, "landing_rough": landing_rough,
 }  # fmt: skip
 FIGURES = {
     "antiplane": "space_time", "bimaterial": "space_time", "rate_state": "space_time", "kalthoff": "cracks",
@@ -279,8 +303,12 @@ class Command:
             subprocess.run([sys.executable, *program, *words], cwd=directory, env=environment, check=True)
         for name, left in self.pictures.items():
             (found,) = directory.rglob(file_of(left))
-            shutil.copy(found, self.folder / file_of(name))
-            (compress_movie if found.suffix == ".gif" else compress)(self.folder / file_of(name))
+            path = self.folder / file_of(name)
+            if found.suffix == ".gif":
+                write_movie(path, found)
+            else:
+                shutil.copy(found, path)
+                compress(path)
 
 
 def file_of(name: str) -> str:
@@ -316,7 +344,7 @@ COMMANDS = (
              f"run demos/impact.toml --out pressed {LESSON} --set faults.main.initial_stress.normal=30e6")),
     Command("run demos/impact.toml --out run", {"impact_fringes": "fringes", "impact_space_time": "space_time"},
             DEMOS / "pictures"),
-    Command("movie run --what fringes --rate 6", {"impact_fringes.gif": "fringes.gif"}, PICTURES,
+    Command("movie run --what fringes --rate 6", {"impact_fringes.webp": "fringes.gif"}, PICTURES,
             ("run demos/impact.toml --out run --set mesh.element_size=2e-3 --set output.bulk_interval=2e-6 "
              "--set output.figures=false",)),
     Command("run demos/stick_slip.toml --out run", {"stick_slip": "cycles"}, DEMOS / "pictures"),
@@ -346,21 +374,21 @@ LEFT_OUT = {"wall_time", "node_updates_per_second", "ranks", "host_cores", "vers
 
 
 def compress(path: Path) -> None:
-    """Write a picture in all its colours, without the channel of transparency, and as small as PNG can be."""
+    """Write a picture in all its colours, without the channel of transparency, and as small as PNG can be.
+
+    The resolution stays in the file: the site shows a picture at the size of its figure (`_extensions/pictures.py`).
+    """
     with Image.open(path) as picture:
-        opaque = picture.convert("RGB")
-    opaque.save(path, optimize=True)
+        opaque, resolution = picture.convert("RGB"), picture.info.get("dpi", (RESOLUTION, RESOLUTION))
+    opaque.save(path, optimize=True, dpi=resolution)
 
 
-def compress_movie(path: Path) -> None:
-    """Write a movie at 60 % of its size in 64 colours: a page should not weigh megabytes."""
-    with Image.open(path) as movie:
-        pause, size = movie.info["duration"], (round(0.6 * movie.width), round(0.6 * movie.height))
-        frames = [
-            frame.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(64)
-            for frame in ImageSequence.Iterator(movie)
-        ]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=pause, loop=0, optimize=True)
+def write_movie(path: Path, movie: Path) -> None:
+    """Write a movie as WebP, which is smaller than GIF: a page should not weigh megabytes."""
+    with Image.open(movie) as frames:
+        pause = frames.info["duration"]
+        pictures = [frame.convert("RGB") for frame in ImageSequence.Iterator(frames)]
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=pause, loop=0, quality=60, method=6)
 
 
 def of_run(name: str, runs: Path) -> None:
@@ -409,7 +437,8 @@ def main() -> None:
                         commands[name].run(Path(apart))
                     done.append(commands[name])
             elif name in DRAWINGS:
-                DRAWINGS[name]().savefig(PICTURES / f"{name}.png", dpi=160)
+                DRAWINGS[name]().savefig(PICTURES / f"{name}.png", dpi=RESOLUTION)
+                compress(PICTURES / f"{name}.png")
             elif name in LUMPED:
                 of_lumped_model(name, given.runs or Path(folder))
             else:

@@ -317,7 +317,7 @@ def _run(path: Path, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float
         seconds = time.perf_counter() - began
         outcome = result if isinstance(result, Outcome) else Outcome(list(result))
         if outcome.draw is not None:
-            outcome.draw().savefig(out / f"{name}.png", dpi=150)
+            outcome.draw().savefig(out / f"{name}.png", dpi=200)
     except Exception as error:
         if alone:
             raise

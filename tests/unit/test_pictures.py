@@ -70,7 +70,7 @@ def test_every_picture_is_renewed_by_one_command(make_pictures: ModuleType) -> N
     drawn = {PICTURES / f"{name}.png" for name in here}
     drawn |= {folder / make_pictures.file_of(name) for folder, name in left}
     drawn |= {folder / f"{name}.png" for name, (_, folder) in make_pictures.ELSEWHERE.items()}
-    kept = {path for folder in (PICTURES, beside) for path in folder.glob("*.*") if path.suffix in (".png", ".gif")}
+    kept = {path for folder in (PICTURES, beside) for path in folder.glob("*.*") if path.suffix in (".png", ".webp")}
     assert kept - drawn == {beside / "mode_map_page.png"}  # a browser's picture of a page
     assert drawn <= kept
 
