@@ -43,7 +43,7 @@ def phase_table(rows: Sequence[Table]) -> tuple[Cells, list[Cells]]:
             return ""
         return f"{row['seconds']:.2f}" + ("" if name in OUTSIDE else f" ({row['share']:.0%})")
 
-    header = ("s", *(f"{problem}, {ranks} rank{'s' * (ranks > 1)}" for problem, ranks in commands))
+    header = ("phase, seconds (share)", *(f"{problem}, {ranks} rank{'s' * (ranks > 1)}" for problem, ranks in commands))
     names = dict.fromkeys(name for *_, name in found)
     return header, [(name, *(cell(command, name) for command in commands)) for name in names]
 
