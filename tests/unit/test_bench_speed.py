@@ -45,7 +45,8 @@ def test_tables_are_of_the_saved_rows() -> None:
     }  # fmt: skip
     rows += [step, {"part": "steps", "seconds": 3.0}]
     assert phase_table(rows) == (
-        ("s", "demo, 1 rank", "demo, 2 ranks"), [("steps", "1.50 (25%)", "1.50 (25%)"), ("wall", "7.00", "")],
+        ("phase, seconds (share)", "demo, 1 rank", "demo, 2 ranks"),
+        [("steps", "1.50 (25%)", "1.50 (25%)"), ("wall", "7.00", "")],
     )  # fmt: skip
     (cells,) = step_rows(rows)
     assert dict(zip(STEPS, cells, strict=True)) == {
