@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 from rich.table import Table
@@ -11,6 +12,10 @@ from rich.table import Table
 from ruptfx import RuptfxError
 from ruptfx.commands._gradients import Memory, Quiet, Ranks, case_on_ranks
 from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
+
+if TYPE_CHECKING:
+    from ruptfx.case import Case
+    from ruptfx.lumped import LumpedModel
 
 HEADING = "Compute"
 
@@ -21,6 +26,10 @@ def infer(
     out: Annotated[Path | None, typer.Option(help="Directory; default inferences/<name of the case>.")] = None,
     set_: Overrides = None,
     memory: Memory = 4.0,
+    cores: Annotated[
+        int | None, typer.Option(min=1, help="Cores for runs at once, of cma_es and ensemble; default all.")
+    ] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler for these runs.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Recover the unknowns of a case from its data; started again, go on with an unfinished directory.
@@ -32,9 +41,19 @@ def infer(
     from ruptfx.platform import launch
 
     out = out or Path("inferences") / case.stem
-    if _fitted(case, set_ or [], ranks, out, quiet):
+    with reported():
+        from ruptfx.case import read_case
+
+        read = read_case(case, set_ or [])
+    if _fitted(read, ranks, out, quiet):
         return
-    parsed = case_on_ranks("infer", case, ranks, out, set_ or [], memory, quiet)
+    at_once = _makes_runs_at_once(read)
+    if not at_once and ((cores or 1) > 1 or scheduler):
+        with reported():
+            from ruptfx.inference.pool import check_method
+
+            check_method(cast("Case", read))
+    parsed = case_on_ranks("infer", case, 1 if at_once else ranks, out, set_ or [], memory, quiet)
     with reported():
         import numpy as np
 
@@ -45,7 +64,9 @@ def infer(
         launch.check_size(comm.size)
         from ruptfx.inference.inversion import infer as recover
 
-        made = recover(parsed, out, comm, not quiet, 1e9 * memory)
+        of_machine = len(os.sched_getaffinity(0)) if at_once and scheduler is None and comm.size == 1 else 1
+        made = recover(parsed, out, comm, not quiet, 1e9 * memory, cores=cores or of_machine,
+                       ranks=ranks if at_once else 1, scheduler=scheduler)  # fmt: skip
         if comm.rank == 0 and not quiet:
             noise = f" ({2 * made.best.misfit / made.data:.3g} times that of noise)" if made.data else ""
             screen.print(
@@ -70,14 +91,19 @@ def infer(
             screen.print(f"Files: {out} ({files})", soft_wrap=True)
 
 
-def _fitted(case: Path, overrides: list[str], ranks: int, out: Path, quiet: bool) -> bool:
+def _makes_runs_at_once(case: Case | LumpedModel) -> bool:
+    from ruptfx.case import Case
+    from ruptfx.inference.searches import AT_ONCE
+
+    return isinstance(case, Case) and case.inference is not None and case.inference.method in AT_ONCE
+
+
+def _fitted(parsed: Case | LumpedModel, ranks: int, out: Path, quiet: bool) -> bool:
     """Run a lumped model that recovers parameters from data; return False for all other cases."""
-    from ruptfx.case import read_case
     from ruptfx.lumped import LumpedModel, simulate
     from ruptfx.platform.progress import Progress
 
     with reported():
-        parsed = read_case(case, overrides)
         if not isinstance(parsed, LumpedModel) or not parsed.recovers:
             return False
         if ranks > 1:

@@ -1,7 +1,7 @@
 """File of every run of an inference: variables, misfit, prior, derivatives and readings.
 
 An interrupted inference is repeated from the files: the optimiser requests the same variables again, and runs that are
-on disk are not computed a second time. So only the interrupted run is lost, and the result is that without an
+on disk are not computed a second time. So only interrupted runs are lost, and the result is that without an
 interruption.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from ruptfx import RuptfxError
 
 Floats = NDArray[np.float64]
+Derivatives = Literal["none", "gradient", "history", "jacobian"]
 
 
 @dataclass(frozen=True)
@@ -51,31 +53,43 @@ class Evaluation:
 def save(folder: Path, number: int, made: Evaluation) -> None:
     """Write an evaluation; a file is there as a whole or not at all."""
     folder.mkdir(exist_ok=True)
-    part = folder / f"{number:04d}.part"
+    part = file_of(folder, number).with_suffix(".part")
     with part.open("wb") as file:
         np.savez(file, **vars(made))
         file.flush()
         os.fsync(file.fileno())
-    part.replace(folder / f"{number:04d}.npz")
+    part.replace(file_of(folder, number))
 
 
-def load(folder: Path) -> list[Evaluation]:
-    """Return the evaluations of a folder in their order, up to the first number that is missing.
+def load(folder: Path) -> dict[int, Evaluation]:
+    """Return the evaluations of a folder by their numbers.
 
     Raises
     ------
     RuptfxError
         A file is damaged.
     """
-    found: list[Evaluation] = []
-    while (path := folder / f"{len(found):04d}.npz").exists():
-        try:
-            with np.load(path) as data:
-                found.append(Evaluation(
-                    data["variables"], float(data["misfit"]), float(data["prior"]),
-                    *(data[name] for name in ("gradient", "readings", "residuals", "jacobian")),
-                ))  # fmt: skip
-        except Exception as error:
-            raise RuptfxError(f"{path}: is damaged ({error}); remove it, and what was computed after it is repeated"
-                              ) from error  # fmt: skip
-    return found
+    return {int(path.stem): load_one(path) for path in sorted(folder.glob("*.npz"))}
+
+
+def load_one(path: Path) -> Evaluation:
+    """Return the evaluation of a file.
+
+    Raises
+    ------
+    RuptfxError
+        The file is damaged.
+    """
+    try:
+        with np.load(path) as data:
+            return Evaluation(
+                data["variables"], float(data["misfit"]), float(data["prior"]),
+                *(data[name] for name in ("gradient", "readings", "residuals", "jacobian")),
+            )  # fmt: skip
+    except Exception as error:
+        raise RuptfxError(f"{path}: is damaged ({error}); remove it, and the run is repeated") from error
+
+
+def file_of(folder: Path, number: int) -> Path:
+    """Return the file of an evaluation."""
+    return folder / f"{number:04d}.npz"

@@ -1,7 +1,7 @@
 """Methods of an inference: L-BFGS, Gauss-Newton, CMA-ES, and a sample of the posterior by an ensemble.
 
-A method requests runs one after the other and keeps no files. With the same seed it requests the same ones as long as
-it receives the same values, so that an inference goes on from the files of its runs.
+A method requests runs, one after the other or many at once, and keeps no files. With the same seed it requests the
+same ones as long as it receives the same values, so that an inference goes on from the files of its runs.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ Found = tuple[str, Floats | None]
 """Reason of the end, and samples of the variables, shape (count, n), or None."""
 BURNED = 0.3
 """Part of the steps of an ensemble that is left out, in which it moves to the posterior."""
+AT_ONCE = "cma_es", "ensemble"
+"""Methods whose runs do not depend on each other within a generation or a step of the walkers."""
 FIRST_STEP = 0.5
 """Standard deviation of the first generation of CMA-ES, in variables."""
 
@@ -41,6 +43,14 @@ class Runs(Protocol):
 
     def value_alone(self, z: Floats) -> float:
         """Return the sum of misfit and prior."""
+        ...
+
+    def values_alone(self, many: Sequence[Floats]) -> list[float]:
+        """Return the sums of misfit and prior of runs that do not depend on each other."""
+        ...
+
+    def expect(self, count: int) -> None:
+        """Set the largest number of runs of the search."""
         ...
 
     def residuals(self, z: Floats) -> Floats:
@@ -80,7 +90,7 @@ def check(method: str, case: Case, variables: Sequence[Variable]) -> None:
                     f"objective.{number}.kind = '{term.kind()}': is no sum of squares, which inference.method = "
                     "'gauss_newton' needs; use method = 'l_bfgs'"
                 )
-    if method in ("cma_es", "ensemble"):
+    if method in AT_ONCE:
         _library(method)
     if method == "ensemble":
         for number, each in enumerate(variables):
@@ -145,16 +155,18 @@ def cma_es(inversion: Runs, settings: Inference) -> Found:
 
     n, random = len(inversion.bounds), np.random.default_rng(settings.seed)
     low, high = inversion.bounds.T
+    population = settings.population or 4 + int(3 * math.log(n))
+    inversion.expect(1 + population * settings.iterations)
     inversion.value_alone(np.zeros(n))
     evolution = cma.CMAEvolutionStrategy(np.zeros(n), FIRST_STEP, {
-        "bounds": [low, high], "popsize": settings.population or 4 + int(3 * math.log(n)), "verbose": -9,
+        "bounds": [low, high], "popsize": population, "verbose": -9,
         "seed": math.nan, "signals_filename": "", "tolfun": 0.0, "tolfunrel": 0.0, "tolfunhist": 0.0,
         "randn": lambda *shape: random.standard_normal(shape),
     })  # fmt: skip
     best: list[float] = []
     for _ in range(settings.iterations):
         asked = evolution.ask()
-        values = [inversion.value_alone(each) for each in asked]
+        values = inversion.values_alone(asked)
         evolution.tell(asked, values)
         inversion.accept_best()
         best.append(min(values))
@@ -173,12 +185,16 @@ def ensemble(inversion: Runs, settings: Inference) -> Found:
     n = len(inversion.bounds)
     count = settings.population or 2 * n + 2
     low, high = inversion.bounds.T
+    inversion.expect(1 + count * (settings.iterations + 1))
     inversion.value_alone(np.zeros(n))
 
-    def log_probability(z: Floats) -> float:
-        return -inversion.value_alone(z) if np.all((z >= low) & (z <= high)) else -np.inf
+    def log_probabilities(walkers: Floats) -> Floats:
+        found = np.full(len(walkers), -np.inf)
+        inside = np.all((walkers >= low) & (walkers <= high), axis=1)
+        found[inside] = [-value for value in inversion.values_alone(list(walkers[inside]))]
+        return found
 
-    sampler = emcee.EnsembleSampler(count, n, log_probability)
+    sampler = emcee.EnsembleSampler(count, n, log_probabilities, vectorize=True)
     start = np.clip(0.1 * np.random.default_rng(settings.seed).normal(size=(count, n)), 0.9 * low, 0.9 * high)
     generator = np.random.RandomState(settings.seed).get_state()  # of the kind that emcee keeps
     begin = emcee.State(start, random_state=generator)

@@ -14,6 +14,7 @@ import queue
 import sys
 import threading
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 from ruptfx import RuptfxError, Table, fem
@@ -50,12 +51,23 @@ class Jobs:
 
 
 def main() -> None:
-    """Serve until the job null arrives or the input ends."""
+    """Run the cases of a study."""
+    serve(_run)
+
+
+def serve(run: Callable[[Job, fem.MPI.Comm], Table]) -> None:
+    """Run jobs until the job null arrives or the input ends.
+
+    Parameters
+    ----------
+    run : callable
+        Runs one job on all ranks, and returns values for the answer on rank 0.
+    """
     comm = fem.MPI.COMM_WORLD
     jobs = Jobs() if comm.rank == 0 else None
     frozen = False
     while (job := comm.bcast(jobs.next() if jobs else None)) is not None:
-        answer = _run(job, comm)
+        answer = _answer(run, job, comm)
         if jobs:
             jobs.answer(answer)
         gc.collect()  # frees the communicators of the meshes, of which MPI has a few thousand
@@ -64,15 +76,10 @@ def main() -> None:
             frozen = True
 
 
-def _run(job: Job, comm: fem.MPI.Comm) -> Table:
-    """Return the answer to one job: status and scalars, or the error."""
+def _answer(run: Callable[[Job, fem.MPI.Comm], Table], job: Job, comm: fem.MPI.Comm) -> Table:
+    """Return the answer to one job: status and values, or the error."""
     try:
-        case, out = parse_case(job["case"]), Path(job["directory"]) / "run"
-        simulate(case if "run" in job["keep"] else _lean(case), out, comm, progress=False)
-        values = _harvest(out, job["keep"]) if comm.rank == 0 else {}
-        if "case_hash" in values:
-            values["case_hash"] = case.hash
-        return {"status": "done", "values": values}
+        return {"status": "done", "values": run(job, comm)}
     except Interrupted as error:
         return {"status": "interrupted", "error": str(error)}
     except RuptfxError as error:
@@ -83,6 +90,15 @@ def _run(job: Job, comm: fem.MPI.Comm) -> Table:
             sys.stderr.flush()
             comm.Abort(1)
         return {"status": "failed", "error": traceback.format_exc(limit=-3).strip()}
+
+
+def _run(job: Job, comm: fem.MPI.Comm) -> Table:
+    case, out = parse_case(job["case"]), Path(job["directory"]) / "run"
+    simulate(case if "run" in job["keep"] else _lean(case), out, comm, progress=False)
+    values = _harvest(out, job["keep"]) if comm.rank == 0 else {}
+    if "case_hash" in values:
+        values["case_hash"] = case.hash
+    return values
 
 
 def _lean(case: Case | LumpedModel) -> Case | LumpedModel:

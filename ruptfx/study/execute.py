@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import signal
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
-from ruptfx import RuptfxError, Table, __version__
+from ruptfx import RuptfxError, Table
 from ruptfx.platform import launch
 from ruptfx.platform.progress import Progress
 from ruptfx.results.run_files import write_json
 from ruptfx.study import refine, search, table, workers
+from ruptfx.study.cluster import Client, Future, Interrupted, opened, stoppable
 from ruptfx.study.count import Count
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.scored import ScoredSet
 from ruptfx.study.store import Result, Store, commit, workspace
-
-
-class Interrupted(RuptfxError):  # noqa: N818
-    """Stopped by a signal; finished points are kept."""
-
-    exit_code = 130
 
 
 @dataclass
@@ -88,10 +79,10 @@ def run_study(
     if refined and study.search is not None:
         raise RuptfxError("--refine locates boundaries on a grid; a search has none")
     outcome = Outcome()
-    with Store(out, study) as store, _stoppable():
+    with Store(out, study) as store, stoppable():
         if retry:
             store.forget_failures()
-        with _cluster(store.path, scheduler, cores, study.ranks) as client:
+        with opened(store.path / "study.json", scheduler, cores, study.ranks) as client:
             try:
                 with Progress(show) as progress:
                     run = Runner(study, store, client, Count(progress, study.title or str(out)))
@@ -152,26 +143,6 @@ def draw(directory: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]
     return paths + (curves.save(shown, formats) if curves.suits(shown) else [])
 
 
-class Future(Protocol):
-    """A task of a dask cluster."""
-
-    def exception(self) -> BaseException | None: ...
-
-    def result(self) -> Result: ...
-
-    def release(self) -> None: ...
-
-
-class Client(Protocol):
-    """A dask cluster, as far as a study uses it."""
-
-    def submit(
-        self, function: Callable[..., Result], /, *args: object, key: str, pure: bool, retries: int
-    ) -> Future: ...
-
-    def run(self, function: Callable[..., object], /, *args: object) -> dict[str, tuple[str, bool]]: ...
-
-
 @dataclass
 class Runner:
     """Run lists of points, skipping finished ones."""
@@ -222,75 +193,3 @@ class Runner:
             raise error
         result = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
         return self.store.result(key) or commit(self.store.path, key, workspace(self.store.path, key), result)
-
-
-@contextmanager
-def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> Iterator[Client]:
-    """Open a dask client: of the scheduler at `address`, or of threads in this process that start the runs.
-
-    Raises
-    ------
-    RuptfxError
-        dask.distributed is missing; the scheduler does not answer; its workers lack ruptfx or the directory.
-    """
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise RuptfxError(f"studies need dask.distributed ({error}): pip install 'ruptfx[study]'") from None
-    workers.open_for_work()
-    with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
-        if address is None:
-            slots = max(1, (cores or len(os.sched_getaffinity(0))) // ranks)
-            here: Table = {"processes": False, "dashboard_address": "127.0.0.1:0"}
-            with LocalCluster(n_workers=1, threads_per_worker=slots, **here) as cluster, Client(cluster) as client:
-                try:
-                    yield client
-                finally:
-                    workers.close_children()
-            return
-        try:
-            client = Client(address, timeout="10s")
-        except (OSError, ValueError) as error:
-            raise RuptfxError(f"--scheduler {address}: no dask scheduler answers there ({error})") from None
-        with client:
-            _check_workers(client, path)
-            try:
-                yield client
-            finally:
-                client.run(workers.close_children)
-
-
-def _check_workers(client: Client, path: Path) -> None:
-    try:
-        seen = client.run(_look, str(path))
-    except Exception as error:
-        raise RuptfxError(f"the workers cannot import ruptfx {__version__}: {error}") from None
-    for worker, (version, there) in seen.items():
-        if version != __version__:
-            raise RuptfxError(f"worker {worker} has ruptfx {version}, this is {__version__}; install the same")
-        if not there:
-            raise RuptfxError(f"worker {worker} does not see {path}: --out must be on a file system that all share")
-
-
-def _look(path: str) -> tuple[str, bool]:
-    workers.open_for_work()
-    return __version__, (Path(path) / "study.json").is_file()
-
-
-@contextmanager
-def _stoppable() -> Iterator[None]:
-    """Let SIGTERM stop a study as Ctrl-C does."""
-
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

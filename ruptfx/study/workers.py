@@ -1,4 +1,7 @@
-"""Execution of points in child processes that may crash: one `ruptfx.study.case_server` per slot of a worker."""
+"""Execution of runs in child processes that may crash, one MPI job per slot of a worker.
+
+A study starts `ruptfx.study.case_server`, an inference `ruptfx.inference.run_server`.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,10 @@ from ruptfx import RuptfxError, Table
 from ruptfx.platform import launch
 from ruptfx.study.store import Result, commit, read_result, workspace
 
-RECYCLE = 100  # points after which a child is replaced, to limit memory leaks
+RECYCLE = 100  # runs after which a child is replaced, to limit memory leaks
+CASES = "ruptfx.study.case_server"
 _starter = ThreadPoolExecutor(1, "ruptfx-starter")
-_idle: dict[int, list[Child]] = {}
+_idle: dict[tuple[str, int], list[Child]] = {}
 _all: set[Child] = set()
 _guard = threading.Lock()
 _closing = threading.Event()
@@ -34,21 +38,23 @@ class ChildError(RuptfxError):
 
 
 class Child:
-    """One MPI job that runs case after case.
+    """One MPI job that makes run after run.
 
     Parameters
     ----------
     ranks : int
+    module : str
+        Program of the job, which answers as `case_server.serve` does.
     """
 
-    def __init__(self, ranks: int) -> None:
+    def __init__(self, ranks: int, module: str = CASES) -> None:
         self.ranks, self.served = ranks, 0
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         # A session of its own: Ctrl-C is for the study, which then ends its children. They end with the thread that
         # starts them, hence one that lasts as long as this process, and not that of a task.
         self._process = _starter.submit(
             subprocess.Popen,
-            launch.mpi_command(ranks, "ruptfx.study.case_server"), env=launch.mpi_environment(ranks), bufsize=0,
+            launch.mpi_command(ranks, module), env=launch.mpi_environment(ranks), bufsize=0,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
             preexec_fn=launch.ends_with_parent(),
         ).result()  # fmt: skip
@@ -104,9 +110,7 @@ class Child:
             self._process.wait()
 
 
-def run_point(
-    path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None
-) -> Result:
+def run_point(path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None) -> Result:
     """Run one point and mark it as finished; a failure is stored as its result.
 
     Runs on a worker, which sees the directory of the study under the same path.
@@ -127,7 +131,7 @@ def run_point(
     began = time.perf_counter()
     _save_case(table, directory)
     try:
-        result = _on_child(ranks, {"case": table, "directory": str(directory), "keep": keep}, time_limit)
+        result = on_child(ranks, {"case": table, "directory": str(directory), "keep": keep}, time_limit)
     except ChildError as error:
         result = {"status": "failed", "error": str(error)}
     if _closing.is_set() or result["status"] == "interrupted":
@@ -143,12 +147,19 @@ def _save_case(table: Table, directory: Path) -> None:
     (directory / "case.toml").write_text(tomli_w.dumps(whole), encoding="utf-8")
 
 
-def _on_child(ranks: int, job: Table, time_limit: float | None) -> Result:
+def on_child(ranks: int, job: Table, time_limit: float | None = None, module: str = CASES) -> Result:
+    """Run one job on an idle child of this process, or a new one, and return its answer.
+
+    Raises
+    ------
+    ChildError
+        The child crashed or exceeded the time limit, or the work is stopping.
+    """
     with _guard:
         if _closing.is_set():
-            raise ChildError("the study is stopping")
-        waiting = _idle.setdefault(ranks, [])
-        child = waiting.pop() if waiting else Child(ranks)
+            raise ChildError("the work is stopping")
+        waiting = _idle.setdefault((module, ranks), [])
+        child = waiting.pop() if waiting else Child(ranks, module)
         _all.add(child)
     try:
         result = child.run(job, time_limit)
@@ -160,7 +171,7 @@ def _on_child(ranks: int, job: Table, time_limit: float | None) -> Result:
         _all.discard(child)
     else:
         with _guard:
-            _idle[ranks].append(child)
+            _idle[module, ranks].append(child)
     return result
 
 

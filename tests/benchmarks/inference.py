@@ -143,7 +143,7 @@ class Realisations:
         with tempfile.TemporaryDirectory() as folder:
             inversion = Inversion(case, Path(folder, "out"), comm, False, 1e9)
             n = len(inversion.bounds)
-            inversion._run(np.zeros(n), "jacobian")
+            inversion._run(np.zeros(n), "history")
             jacobian = inversion._jacobian(0)
             self.posterior = posterior.of_jacobian(np.zeros(n), jacobian, np.zeros(n, bool))
             spread = self.posterior.spread
@@ -160,11 +160,12 @@ class Realisations:
             self.values = {
                 each.unknown.key: np.array([
                     each.values(row[number : number + 1])[0] for row in self.posterior.draws(4000, *inversion.bounds.T)
-                ]) for number, each in enumerate(inversion._variables)
+                ]) for number, each in enumerate(inversion.evaluator.variables)
             }  # fmt: skip
-            truth = [each.values(np.zeros(1))[0] for each in inversion._variables]
-            ends = [each.interval(np.zeros(1), spread[i : i + 1])[:, 0] for i, each in enumerate(inversion._variables)]
-            log = [each.unknown.scale == "log" for each in inversion._variables]
+            variables = inversion.evaluator.variables
+            truth = [each.values(np.zeros(1))[0] for each in variables]
+            ends = [each.interval(np.zeros(1), spread[i : i + 1])[:, 0] for i, each in enumerate(variables)]
+            log = [each.unknown.scale == "log" for each in variables]
         self.difference, self.width, self.covered, runs = 0.0, 0.0, list[bool](), []
         for seed in range(whole):
             result = self._infer(noises[seed])

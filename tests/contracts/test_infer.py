@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 import csv
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -10,6 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 import tomli_w
 import xarray
@@ -24,7 +31,7 @@ pytest.importorskip("dolfinx")
 from ruptfx import RuptfxError, fem, infer, simulate
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.unknowns import chosen
-from ruptfx.inference import inversion, posterior
+from ruptfx.inference import inversion, posterior, searches
 from ruptfx.inference.evaluations import Evaluation
 from ruptfx.inference.result import Result
 from ruptfx.inference.variables import Variable
@@ -312,6 +319,111 @@ def test_an_interrupted_inference_goes_on_as_if_it_were_not(tmp_path: Path, monk
     assert infer(case, tmp_path / "part", progress=False).best.misfit == whole.best.misfit
     with pytest.raises(RuptfxError, match=facts(r"has an inference of another case")):
         infer(case.changed("duration", 1.59), tmp_path / "part", progress=False)
+
+
+GENERATIONS = {"cma_es": {"iterations": 3, "population": 6}, "ensemble": {"iterations": 2, "population": 6}}
+"""Settings of short searches, whose runs are made at once."""
+
+
+def at_once(method: str) -> Case:
+    """D_c is 30 mm in the data, and 40 mm in the case."""
+    pytest.importorskip({"cma_es": "cma", "ensemble": "emcee"}[method])
+    pytest.importorskip("distributed")
+    return with_unknowns(measured("faults.main.friction.D_c", 0.03), *NUMBERS, method=method, seed=3,
+                         **GENERATIONS[method])  # fmt: skip
+
+
+def same_runs(one: Result, other: Result) -> None:
+    """All runs are bitwise the same, and so is the posterior."""
+    assert len(one.runs) == len(other.runs) and one.iterates == other.iterates and one.reason == other.reason
+    for a, b in zip(one.runs, other.runs, strict=True):
+        for name, values in vars(a).items():
+            np.testing.assert_array_equal(values, vars(b)[name], err_msg=name)
+    for key, values in one.samples.items():
+        np.testing.assert_array_equal(values, other.samples[key])
+
+
+@pytest.mark.parametrize("method", GENERATIONS)
+def test_runs_at_once_are_those_one_after_the_other(method: str, tmp_path: Path) -> None:
+    """In this process, and by the workers of a study: one, and two."""
+    case = at_once(method)
+    alone = infer(case, tmp_path / "alone", progress=False)
+    assert len(alone.runs) > 10
+    two = infer(case, tmp_path / "two", progress=False, cores=2)
+    same_runs(alone, two)
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        one = infer(case, tmp_path / "one", progress=False, scheduler=address)
+    same_runs(alone, one)
+
+
+@pytest.mark.faults
+def test_an_inference_on_two_cores_that_is_killed_goes_on(tmp_path: Path) -> None:
+    """Killed while two runs are made: finished ones are kept, and the result is that without a kill."""
+    case = at_once("cma_es")
+    case.save(tmp_path)
+    out, files = tmp_path / "out", tmp_path / "out" / "evaluations"
+    command = [sys.executable, "-m", "ruptfx", "infer", "case.toml", "--out", "out", "--cores", "2", "--quiet"]
+    environment = {**os.environ, "RUPTFX_TEST": str(tmp_path)}
+
+    def begin() -> subprocess.Popen[str]:
+        return subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+
+    def after(count: int) -> None:
+        deadline = time.monotonic() + 120
+        while len(list(files.glob("*.npz"))) < count:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+
+    process = begin()
+    after(3)
+    process.kill()
+    process.communicate()
+    deadline = time.monotonic() + 10
+    while any(
+        (each.info["environ"] or {}).get("RUPTFX_TEST") == str(tmp_path) and each.info["status"] != psutil.STATUS_ZOMBIE
+        for each in psutil.process_iter(["environ", "status"])
+    ):
+        assert time.monotonic() < deadline, "runs outlive their inference"
+        time.sleep(0.05)
+    kept = {path: path.stat().st_mtime_ns for path in files.glob("*.npz")}
+    assert 3 <= len(kept) < 19
+
+    process = begin()
+    after(len(kept) + 2)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and re.search(r"stopped; \d+ runs are kept, the same command continues", errors)
+
+    process = begin()
+    assert process.wait(300) == 0
+    assert all(
+        path.stat().st_mtime_ns == time_of for path, time_of in kept.items() if path.stem != best_of(out)
+    )  # that one has its Jacobian now
+    same_runs(infer(case, tmp_path / "alone", progress=False), infer(case, out, progress=False))
+
+
+def best_of(out: Path) -> str:
+    """Name of the run with the least misfit and prior."""
+    rows = list(csv.DictReader((out / "misfit.csv").open()))
+    totals = [float(row["misfit"]) + float(row["prior"]) for row in rows]
+    return f"{int(np.argmin(totals)):04d}"
+
+
+def test_several_cores_for_runs_that_depend_on_each_other_are_refused(tmp_path: Path) -> None:
+    case = with_unknowns(measured("faults.main.friction.D_c", 0.03), *NUMBERS, method="gauss_newton")
+    with pytest.raises(CaseError, match=facts(r"inference\.method = 'gauss_newton': makes one run after the other")):
+        infer(case, tmp_path / "out", progress=False, cores=2)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_that_fails_in_a_worker_ends_the_inference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Variables that are no numbers: its error is that of the call."""
+    monkeypatch.setattr(searches, "METHODS", {"cma_es": lambda runs, settings: runs.values_alone([np.full(2, np.nan)])})
+    with pytest.raises(RuptfxError, match=facts("trial traction is not a number")):
+        infer(at_once("cma_es"), tmp_path / "out", progress=False, cores=2)
 
 
 def test_an_inference_is_the_same_on_two_ranks(tmp_path: Path) -> None:

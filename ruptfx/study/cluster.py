@@ -1,0 +1,126 @@
+"""The dask.distributed cluster on which studies and inferences make their runs, by default one on this machine."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from ruptfx import RuptfxError, Table, __version__
+from ruptfx.study import workers
+from ruptfx.study.store import Result
+
+
+class Interrupted(RuptfxError):  # noqa: N818
+    """Stopped by a signal; finished runs are kept."""
+
+    exit_code = 130
+
+
+class Future(Protocol):
+    """A task of a dask cluster."""
+
+    def exception(self) -> BaseException | None: ...
+
+    def result(self) -> Result: ...
+
+    def release(self) -> None: ...
+
+
+class Client(Protocol):
+    """A dask cluster, as far as studies and inferences use it."""
+
+    def submit(
+        self, function: Callable[..., Result], /, *args: object, key: str, pure: bool, retries: int
+    ) -> Future: ...
+
+    def run(self, function: Callable[..., object], /, *args: object) -> dict[str, tuple[str, bool]]: ...
+
+
+@contextmanager
+def opened(marker: Path, address: str | None, cores: int | None, ranks: int) -> Iterator[Client]:
+    """Open a dask client: of the scheduler at `address`, or of threads in this process that start the runs.
+
+    Parameters
+    ----------
+    marker : Path
+        A file in the directory of the results, which all workers must see.
+    address : str or None
+    cores : int or None
+        Cores of this machine, without an address; None is all that this process may use.
+    ranks : int
+        MPI ranks of each run.
+
+    Raises
+    ------
+    RuptfxError
+        dask.distributed is missing; the scheduler does not answer; its workers lack ruptfx or the directory.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise RuptfxError(
+            f"studies and inferences on several cores need dask.distributed ({error}): pip install 'ruptfx[study]'"
+        ) from None
+    workers.open_for_work()
+    with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
+        if address is None:
+            slots = max(1, (cores or len(os.sched_getaffinity(0))) // ranks)
+            here: Table = {"processes": False, "dashboard_address": "127.0.0.1:0"}
+            with LocalCluster(n_workers=1, threads_per_worker=slots, **here) as cluster, Client(cluster) as client:
+                try:
+                    yield client
+                finally:
+                    workers.close_children()
+            return
+        try:
+            client = Client(address, timeout="10s")
+        except (OSError, ValueError) as error:
+            raise RuptfxError(f"--scheduler {address}: no dask scheduler answers there ({error})") from None
+        with client:
+            _check_workers(client, marker)
+            try:
+                yield client
+            finally:
+                client.run(workers.close_children)
+
+
+def _check_workers(client: Client, marker: Path) -> None:
+    try:
+        seen = client.run(_look, str(marker))
+    except Exception as error:
+        raise RuptfxError(f"the workers cannot import ruptfx {__version__}: {error}") from None
+    for worker, (version, there) in seen.items():
+        if version != __version__:
+            raise RuptfxError(f"worker {worker} has ruptfx {version}, this is {__version__}; install the same")
+        if not there:
+            raise RuptfxError(
+                f"worker {worker} does not see {marker.parent}: --out must be on a file system that all share"
+            )
+
+
+def _look(marker: str) -> tuple[str, bool]:
+    workers.open_for_work()
+    return __version__, Path(marker).is_file()
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Let SIGTERM stop the work as Ctrl-C does."""
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not the main thread
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
