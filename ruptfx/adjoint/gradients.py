@@ -324,7 +324,7 @@ def gradient(
 def compare(made: Objective, derivatives: Sequence[Derivative], size: float = SIZE) -> list[Comparison]:
     """Return derivatives by uniform changes of unknowns, and central differences; collective.
 
-    Two runs are made for each unknown. Constants of bodies are left out.
+    Two runs are made for each unknown. Constants of bodies and of contact are left out: the time step depends on them.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ def compare(made: Objective, derivatives: Sequence[Derivative], size: float = SI
     found = []
     for each in derivatives:
         place = each.place
-        if place.constant is not None:
+        if place.constant is not None or place.of_contact:
             continue
         values = []
         if place.term is not None:

@@ -62,7 +62,7 @@ class PointMap:
     history : list of str
         Inputs that change from step to step: jumps, rates and `memory`.
     parameters : dict of str to ndarray, shape (n,)
-        Initial tractions and parameters of the law.
+        Initial tractions, parameters of the law and numbers of the contact method.
     """
 
     def __init__(
@@ -82,12 +82,12 @@ class PointMap:
         self.parameters |= {
             name: np.broadcast_to(np.asarray(value, float), self._n) for name, value in law.parameters.items()
         }
-        self.inputs = [*self.history, *self.parameters]
         of_contact, contact = parameters_as_symbols(fault.contact, "c_")
-        self._known: dict[str, list[Floats]] = {
-            name: [np.broadcast_to(np.asarray(value, float), self._n)] * 3 for name, value in of_contact.items()
+        self.parameters |= {
+            name: np.broadcast_to(np.asarray(value, float), self._n) for name, value in of_contact.items()
         }
-        self._known["gap"] = [np.zeros(self._n) if fault.gap is None else fault.gap] * 3
+        self.inputs = [*self.history, *self.parameters]
+        self._known: dict[str, list[Floats]] = {"gap": [np.zeros(self._n) if fault.gap is None else fault.gap] * 3}
         self._known["normal_impedance"] = list(normal_impedance)
         self._known |= {f"shear_impedance_{k}": [each[:, k] for each in shear_impedance] for k in t}
         self._known = {

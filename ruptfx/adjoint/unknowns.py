@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 Floats = NDArray[np.float64]
+STIFFNESS = "Pa/m"
+"""Unit of the constants of contact methods by which a run is differentiated."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,11 @@ class Place:
     def of_points(self) -> bool:
         """True if the unknown has a value at every point of an interface, and is no single number."""
         return self.fault >= 0
+
+    @property
+    def of_contact(self) -> bool:
+        """True for a stiffness of a contact method, on which the stable time step depends."""
+        return any(name.startswith("c_") for name, _ in self.rows)
 
 
 def constants(model: Model) -> dict[str, Place]:
@@ -141,6 +148,9 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
         if getattr(law, "law", None) is None:
             break
         law, prefix, path = law.law, f"{prefix}law_", f"{path}.law"  # type: ignore[attr-defined]
+    for name in type(fault.contact).model_fields:
+        if unit_of(type(fault.contact), name) == STIFFNESS:
+            yield Place(f"{key}.contact.{name}", STIFFNESS, number, ((f"c_{name}", 1.0),))
     for index, each in enumerate(fault.nucleation):
         if "extra" in type(each).model_fields:
             one = each.substituted({"extra": 1.0})

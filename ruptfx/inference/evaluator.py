@@ -61,6 +61,11 @@ class Evaluator:
                     f"unknowns.{number}.key = '{unknown.key}': infer recovers quantities of interfaces, and this is a "
                     "constant of bodies; remove it, ruptfx gradient has its sensitivity"
                 )
+            if place.of_contact:
+                raise CaseError(
+                    f"unknowns.{number}.key = '{unknown.key}': the stable time step depends on it, and infer keeps the "
+                    "step; remove it, ruptfx gradient has its sensitivity"
+                )
         self.variables = [
             Variable(self._model, unknown, place, f"unknowns.{number}")
             for number, (unknown, place) in enumerate(chosen(self._model, case.unknowns))

@@ -3,7 +3,7 @@
 Products <J x, y> and <x, J' y> of the derivative J of all readings by all parameters agree to rounding, for every
 friction law, contact method and plane, over 200 steps. Through a rupture with the ageing law, which has no kinks, the
 remainder of Taylor's series J(p + e d) - J(p) - e <gradient, d> falls with the square of e, for parameters of the
-interface and constants of the bodies, and tangent-linear sweeps
+interface and constants of the bodies, at split nodes, with compliant contact and in 3D, and tangent-linear sweeps
 equal central differences. Gradients on 1, 2 and 3 ranks agree, also with a tenth of the memory, where most steps are
 computed again from checkpoints; on one rank that is bitwise the same. A gradient by 10 000 unknowns costs at most three
 runs.
@@ -54,6 +54,8 @@ KINDS = {
     "friction.D_c": 1e-2, "friction.f_0": 0.1, "nucleation.0.extra": 1e7,
 }  # fmt: skip
 """Parameters of the rupture and sizes of their changes."""
+PART = 0.3
+"""Memory of the rupture in 3D over that of its whole history."""
 CONSTANTS = ("density", "young_modulus", "poisson_ratio", "c_p", "c_s")
 """Constants of its bodies, which change by a tenth times the size."""
 
@@ -110,15 +112,15 @@ def mismatch(case: Case, comm: MPI.Comm) -> float:
     return abs(sum(float(each.sum()) for each in forward) - sum(float(each.sum()) for each in backward)) / size
 
 
-def rupture() -> Case:
-    """Return a rupture with the ageing law from an overstressed patch."""
+def rupture(contact: Table | None = None) -> Case:
+    """Return a rupture with the ageing law from an overstressed patch; its contact method is split_node by default."""
     return Case.model_validate({
         "plane": "strain", "order": 4, "duration": 1.0,
         "mesh": {"kind": "half_plate", "length": 8e3, "height": 2.4e3, "element_size": 400.0},
         "materials": {"default": elastic(6000.0, 3464.0, 2670.0)},
         "damping": {"kelvin_voigt": {"eta": 7e-4}},
         "faults": {"main": {
-            "contact": {"kind": "split_node"},
+            "contact": contact or CONTACTS["split_node"],
             "friction": {"kind": "rate_and_state_ageing", "a": 0.008, "b": 0.012, "D_c": 0.02, "f_0": 0.6, "V_0": 1e-6,
                          "V_initial": 1e-6},
             "initial_stress": {"normal": 120e6, "shear": 75e6},
@@ -137,6 +139,21 @@ def rupture() -> Case:
             {"kind": "traces", "instrument": "body", "sigma": 0.3, "times": [0.6, 0.8, 0.95],
              "data": {"velocity": [0.0, 0.2, 0.4]}, "units": {"velocity": "m/s"}},
         ],
+    })  # fmt: skip
+
+
+def rupture_3d() -> Case:
+    """Return a rupture with the ageing law from an overstressed patch of a fault in 3D."""
+    table = rupture().table()
+    patch = {"kind": "boxcar", "center": {"x": 0.0, "y": 0.0, "z": -2e3}, "half_width": 1.5e3, "inside": 25e6,
+             "outside": 0.0}  # fmt: skip
+    table["faults"]["main"]["nucleation"] = [{"kind": "overstress", "extra": patch}]
+    table["faults"]["main"]["friction"]["D_c"] = 0.04
+    return Case.model_validate({
+        **table, "plane": "solid", "order": 2, "positions": "x", "boundaries": [], "instruments": [],
+        "mesh": {"kind": "box_with_fault", "fault_length": 8e3, "fault_width": 4e3, "element_size": 500.0,
+                 "beyond": 1e3, "distance": 1.5e3},
+        "objective": [{"kind": "final_slip", "sigma": 1.0, "target": 0.3}],
     })  # fmt: skip
 
 
@@ -168,17 +185,30 @@ class Remainders:
     comm : MPI communicator
     constants : sequence of str
         Constants of the bodies among the parameters.
+    case : Case, optional
+        Default is `rupture()`.
+    part : float
+        Memory over that of the whole history; with less than one steps are computed again.
 
     Attributes
     ----------
     found : dict of str to ndarray, shape (sizes,)
         Remainder over the change of first order times the size, by kind of parameter.
+    memory : float
+        That of history and checkpoints over the stated one.
     """
 
-    def __init__(self, comm: MPI.Comm, constants: Sequence[str] = CONSTANTS) -> None:
-        case = rupture()
+    def __init__(
+        self, comm: MPI.Comm, constants: Sequence[str] = CONSTANTS, case: Case | None = None, part: float = 1.0
+    ) -> None:
+        case = case or rupture()
         model = Model(case, comm).in_steps("explicit")
         made = Objective(case, case.objective, comm)
+        self.memory = 1.0
+        if part < 1:
+            stated = part * float(made.sweeps.made.attributes["memory"])
+            made = Objective(case, case.objective, comm, stated)
+            self.memory = float(made.sweeps.made.attributes["memory"]) / stated
         gradient = {each.unknown.key: each.values for each in made.gradient()}
         known, self.found = places(model), dict[str, np.ndarray]()
         face = model.faults[0].interface
@@ -195,7 +225,8 @@ class Remainders:
                 value = Objective(case, case.objective, comm, model=view, record=False).value
                 found.append(abs(value - made.value - each * slope) / abs(slope))
             self.found[kind] = np.array(found)
-        self._add_constants(fixed(case, comm), made, constants, comm)
+        if constants:
+            self._add_constants(fixed(case, comm), made, constants, comm)
 
     def _add_constants(self, case: Case, made: Objective, constants: Sequence[str], comm: MPI.Comm) -> None:
         body = case.materials["default"]
@@ -214,6 +245,14 @@ class Remainders:
     def least_order(self) -> float:
         """Smallest order between the first and the last size over all parameters of the interface."""
         return min(_order(self.found[kind], 0) for kind in KINDS)
+
+    @property
+    def least_order_of_small_changes(self) -> float:
+        """Smallest order between the second and the last size over all parameters of the interface.
+
+        Not from the first size on, at which the term of third order may be as large as that of second order.
+        """
+        return min(_order(self.found[kind], 1) for kind in KINDS)
 
     @property
     def least_order_of_bodies(self) -> float:
@@ -335,6 +374,16 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
                         "gradient exact", "at least"))  # fmt: skip
     checks.append(Check("the same by density, moduli and wave speeds of the bodies, 1e-3 to 1e-6", 2.0,
                         remainders.least_order_of_bodies, 0.05, "1", "gradient exact", "at least"))  # fmt: skip
+    compliant = Remainders(comm, (), rupture({"kind": "compliant", "C_n": 2e9, "C_s": 2e9}))
+    checks.append(Check("order of Taylor's remainder with compliant contact, 1e-3 to 1e-6", 2.0,
+                        compliant.least_order_of_small_changes, 0.05, "1", "gradient exact", "at least"))  # fmt: skip
+    checks.append(Check("transpose through a rupture in 3D: |<Jx, y> - <x, J'y>|", 0.0, mismatch(rupture_3d(), comm),
+                        1e-12, "1", "exact transposes"))  # fmt: skip
+    solid = Remainders(comm, (), rupture_3d(), PART)
+    checks.append(Check("order of Taylor's remainder in 3D, 30 % of the memory, 1e-2 to 1e-6", 2.0, solid.least_order,
+                        0.05, "1", "gradient exact", "at least"))  # fmt: skip
+    checks.append(Check("memory of history and checkpoints there over the stated one", 1.0, solid.memory, 0.0, "1",
+                        "kept", "at most"))  # fmt: skip
     checks.append(Check("tangent-linear sweep against central differences", 0.0,
                         central_differences(20 if fine else 4, comm), 1e-6, "1", "derivative"))  # fmt: skip
     for ranks, part in ((2, 1.0), (3, 1.0), (1, 0.1), (3, 0.1)):

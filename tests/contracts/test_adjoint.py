@@ -88,6 +88,8 @@ def differences(case: Case, shape: Any, sizes: dict[str, float], step: float) ->
     position = model.faults[0].interface.position
     found = {}
     for key, place in places(model).items():
+        if place.of_contact:
+            continue
         change = sizes[place.unit] * shape(position)
         values = [Objective(case, case.objective, record=False, model=perturbed(
             model, {(0, row): sign * step * part * change for row, part in place.rows})).value for sign in (1, -1)]
@@ -108,6 +110,22 @@ def test_gradients_through_a_rupture_equal_central_differences(changes: dict[str
     largest = max(abs(exact) for exact, _ in found.values())
     for key, (exact, difference) in found.items():  # differences have rounding errors
         assert exact == pytest.approx(difference, rel=1e-5, abs=1e-7 * largest), key
+
+
+def test_gradients_by_contact_stiffness_equal_central_differences() -> None:
+    """At the same time step, which would depend on it."""
+    case = parse_case(slip_weakening({**RUPTURE, "faults.main.contact": COMPLIANT}))
+    case = bench.fixed(case, fem.MPI.COMM_SELF, 0.9)
+    exact = gradient(case, progress=False)
+    for name in ("C_n", "C_s"):
+        key = f"faults.main.contact.{name}"
+        value = getattr(case.faults["main"].contact, name)
+        both = [Objective(other, other.objective, record=False).value
+                for other in (case.changed(key, value * (1 + sign * 1e-6)) for sign in (1, -1))]
+        assert exact[key].attrs["units"] == "1/(Pa/m)"
+        slope = float(exact[key].sum()) * value
+        assert slope == pytest.approx((both[0] - both[1]) / 2e-6, rel=1e-4), key
+        assert slope != 0
 
 
 OPENING = [{"kind": "traction", "edge": edge, "traction": [0.0, pull], "ramp": 3e-6}
@@ -174,6 +192,14 @@ def test_remainders_of_a_rupture_without_kinks_are_of_second_order() -> None:
     assert made.least_order > 1.95
     assert made.least_order_of_bodies > 1.95
     assert set(made.found) == {*bench.KINDS, "density", "c_s"}
+
+
+@pytest.mark.slow
+def test_remainders_of_a_rupture_in_three_dimensions_are_of_second_order() -> None:
+    """With 30 % of the memory of its history."""
+    made = bench.Remainders(fem.MPI.COMM_SELF, (), bench.rupture_3d(), bench.PART)
+    assert made.least_order > 1.95
+    assert made.memory <= 1
 
 
 def test_tangent_linear_sweeps_equal_central_differences() -> None:

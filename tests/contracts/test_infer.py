@@ -453,6 +453,9 @@ NUMBER = {"key": SHEAR, "shape": "number"}
      r"unknowns\.0\.scale = 'log'.* -1e\+06"),
     ({"unknowns": [{"key": "faults.main.friction.mu"}]}, r"unknowns\.0\.key .*did you mean"),
     ({"unknowns": [{"key": "materials.default.density"}]}, r"unknowns\.0\.key .*this is a constant of bodies"),
+    ({"unknowns": [{"key": "faults.main.contact.C_n", "shape": "number"}],
+      "faults.main.contact": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}},
+     r"unknowns\.0\.key .*the stable time step depends on it"),
 ])  # fmt: skip
 def test_what_cannot_be_inferred_is_refused_before_the_first_step(
     changes: dict[str, Any], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
