@@ -407,7 +407,7 @@ class Case(CaseFile):
             )
         if yields and not given.has_six:
             raise ValueError(
-                f"initial_stress.tensor: materials.{yields[0]} depends on 6 components, xx, yy, zz, xy, yz, xz"
+                f"initial_stress.tensor: materials.{yields[0]} depends on 6 components; give xx, yy, zz, xy, yz, xz"
             )
         for name, material in self.materials.items():
             if name not in yields and type(material).has_memory() and not type(material).linear:
@@ -534,8 +534,9 @@ class Case(CaseFile):
         for key, interval in given.items():
             if interval is not None and self.duration / interval > MOST_RECORDS:
                 raise ValueError(
-                    f"{key} = {interval:g} s: {self.duration / interval:.3g} records in {self.duration:g} s, and at "
-                    f"most {MOST_RECORDS:g} are made; give at least {1.01 * self.duration / MOST_RECORDS:.3g} s"
+                    f"{key} = {interval:g} s: {self.duration / interval:.3g} records in duration = "
+                    f"{self.duration:g} s, and at most {MOST_RECORDS:g} are made; "
+                    f"give at least {1.01 * self.duration / MOST_RECORDS:.3g} s"
                 )
 
     def _check_stages(self) -> None:
