@@ -51,14 +51,19 @@ def test_files_from_1_2_and_3_ranks(runs: Path) -> None:
         assert summary["moment"] == pytest.approx(moment, rel=1e-9) and summary["energy_closure"] < 1e-12
 
 
+def runs_agree(case: Path, folder: Path) -> None:
+    """Run a case on 1 and 2 ranks, in folders of these names, and compare the files."""
+    for ranks in (1, 2):
+        code, text = finish(start(case, folder / str(ranks), ranks, "--quiet"))
+        assert code == 0, text
+    differences = largest_difference(folder / "1", folder / "2")
+    assert not {key: value for key, value in differences.items() if not value < 1e-10}
+
+
 def test_a_half_gives_the_same_files_on_1_and_2_ranks(tmp_path: Path) -> None:
     rest = [{"kind": "driven", "edge": "plus.plane", "component": each, "velocity": 0.0} for each in "xz"]
     case = write(tmp_path, strike_slip({**CHANGES, "mesh.half": True, "boundaries": rest}))
-    for ranks in (1, 2):
-        code, text = finish(start(case, tmp_path / str(ranks), ranks, "--quiet"))
-        assert code == 0, text
-    differences = largest_difference(tmp_path / "1", tmp_path / "2")
-    assert not {key: value for key, value in differences.items() if not value < 1e-10}
+    runs_agree(case, tmp_path)
     with Record(tmp_path / "2") as record:
         assert float(record.interface.area.sum()) == pytest.approx(12e-3 * 8e-3)  # with the rim
         assert record.interface.slip_1.max() > 1e-7
@@ -93,11 +98,7 @@ def test_a_rough_fault_under_a_tensor_is_the_same_on_2_ranks(tmp_path: Path) -> 
         "center": {"x": 0.0, "y": 0.0, "z": -3e-3},
     }  # fmt: skip
     case = write(tmp_path, table)
-    for ranks in (1, 2):
-        code, text = finish(start(case, tmp_path / str(ranks), ranks, "--quiet"))
-        assert code == 0, text
-    differences = largest_difference(tmp_path / "1", tmp_path / "2")
-    assert not {key: value for key, value in differences.items() if not value < 1e-10}
+    runs_agree(case, tmp_path)
     with Record(tmp_path / "2") as record:
         assert np.ptp(record.interface.shear_traction_1.isel(time=0).values) > 1e4
         assert record.interface.slip_1.max() > 1e-8
