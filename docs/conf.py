@@ -27,6 +27,7 @@ exclude_patterns = ["_build"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "substitution"]
 myst_substitutions = {"release": __version__}
 html_math_renderer = "mathml"
+smartquotes = False  # options (--trust) and values ("30 MPa") stay as they are typed
 myst_heading_anchors = 3
 myst_links_external_new_tab = True
 

@@ -208,7 +208,7 @@ class Support(Directive):
         if found is None:
             raise self.error(f"no table of '{self.arguments[0]}'")
         rows, notes = found.numbered()
-        first = 40
+        first = 40 if len(found.columns) < 9 else 20
         widths = first, *([(100 - first) // len(found.columns)] * len(found.columns))
         listed = nodes.enumerated_list(enumtype="arabic", prefix="(", suffix=")")
         for note in notes:
@@ -313,7 +313,7 @@ def checks(saved: dict[str, Any]) -> nodes.table:
         numbers = f"{check.expected:.5g}", f"{check.found:.5g}", check.limit
         rows.append((name, *numbers, check.unit, check.source, "pass" if check.passed else "fails"))
     header = ("quantity", "expected", "found", "tolerance", "unit", "source", "")
-    return table(header, rows, (30, 11, 11, 10, 7, 25, 6), literal=0)
+    return table(header, rows, (30, 11, 12, 11, 7, 23, 6), literal=0, classes=("checks",))
 
 
 def error_of(check: bench.Check) -> str:
