@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field
-
-from ruptfx.schema import Unit
-from ruptfx.units import VaryingStress
-
-if TYPE_CHECKING:
-    StressTensor = list[Any]
-else:
-    StressTensor = Annotated[list[VaryingStress], Field(min_length=6, max_length=6), Unit("Pa")]
 
 ROUNDING = 1e-12
 """Part of a stress that may be rounding where it is compared with a strength."""

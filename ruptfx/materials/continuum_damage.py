@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from ruptfx.materials import IDENTITY, PointError, RecordedState, StateField, Tensor
-from ruptfx.materials._overstress import ROUNDING, SMALLEST, StressTensor, relaxed
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials import PointError, RecordedState, StateField, Tensor
+from ruptfx.materials._overstress import ROUNDING, SMALLEST, relaxed
+from ruptfx.materials._prestressed import Prestressed
 from ruptfx.schema import Unit
 from ruptfx.units import Duration, VaryingModulus
 
 Strain = Annotated[float, Field(gt=0), Unit("1")]
 
 
-class ContinuumDamage(IsotropicElastic):
+class ContinuumDamage(Prestressed):
     """Isotropic elasticity whose stiffness falls by a damage d that grows with the strain: sigma = (1 - d) C : strain.
 
     The size of the strain is tau = sqrt(E strain : C : strain), the stress in uniaxial tension without damage. Its
@@ -24,12 +24,11 @@ class ContinuumDamage(IsotropicElastic):
     r' = (tau - r) / T: without it softening would concentrate in one row of elements of any mesh. d = 1 - f_t / r
     exp(-(r - f_t) / (E e_s)), so that slow uniaxial stress falls as f_t exp(-(e - f_t / E) / e_s). Steps are exact
     where tau grows linearly. Tension, compression and shear damage alike; damage never heals, since stiffness that
-    returns under strain needs a source of energy.
+    returns under strain needs a source of energy. The elastic strain of the initial stress counts for damage, which
+    lowers that stress.
     Source: Simo and Ju (1987), Int. J. Solids Struct. 23, 821-840 (strain-based, with viscosity); exponential softening
     of Oliver, Cervera, Oller and Lubliner (1990), Proc. SCI-C, 945-957.
     """
-
-    linear: ClassVar[bool] = False
 
     strength: VaryingModulus
     """Stress f_t at which damage begins in slow uniaxial tension."""
@@ -37,9 +36,6 @@ class ContinuumDamage(IsotropicElastic):
     """Strain e_s over which stress falls to 1 / e; f_t^2 / (2 E) + f_t e_s is dissipated per volume."""
     relaxation_time: Duration
     """Time T in which the damage follows the strain."""
-    initial_stress: StressTensor | None = None
-    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive. Its elastic strain counts for damage, which lowers it.
-    Without it that of the table `[initial_stress]`, and without both the bodies start free of stress."""
 
     def check_values(self) -> None:
         if (part := self.yielded()) is not None and np.any(part > 1 + ROUNDING):
@@ -48,10 +44,6 @@ class ContinuumDamage(IsotropicElastic):
                 f"initial_stress: damages from the start, its size is {part.flat[worst]:.4g} times the strength; raise "
                 "strength, or give less stress", worst,
             )
-
-    @property
-    def _initial(self) -> Tensor:
-        return Tensor(*(self.initial_stress or [0.0] * 6))
 
     def yielded(self) -> np.ndarray | None:
         if self.initial_stress is None:
@@ -90,10 +82,6 @@ class ContinuumDamage(IsotropicElastic):
     def _remaining(self, growth: Any) -> Any:
         """Return 1 - d, the remaining part of the stiffness, at r / f_t - 1."""
         return np.exp(-growth * (self.strength / (self._young() * self.softening_strain))) / (1 + growth)
-
-    def _elastic(self, strain: Tensor) -> Tensor:
-        first, shear = self.lame("strain")
-        return first * strain.trace() * IDENTITY + 2 * shear * strain
 
     def _young(self) -> Any:
         first, shear = self.lame("strain")

@@ -6,13 +6,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ruptfx.materials import IDENTITY, PointError, RecordedState, StateField, Tensor
-from ruptfx.materials._overstress import ROUNDING, SMALLEST, StressTensor, relaxed
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials import PointError, RecordedState, StateField, Tensor
+from ruptfx.materials._overstress import ROUNDING, SMALLEST, relaxed
+from ruptfx.materials._prestressed import Prestressed
 from ruptfx.units import Duration, VaryingAngle, VaryingPressure
 
 
-class DruckerPrager(IsotropicElastic):
+class DruckerPrager(Prestressed):
     """Isotropic elasticity up to yield, then viscoplastic flow without change of volume.
 
     Yield: sqrt(J2) <= Y = max(c cos phi - sigma_m sin phi, 0), with the mean stress sigma_m (tension positive). The
@@ -30,9 +30,6 @@ class DruckerPrager(IsotropicElastic):
     """Angle of internal friction phi."""
     relaxation_time: Duration
     """Relaxation time T of the stress beyond yield."""
-    initial_stress: StressTensor | None = None
-    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive; in equilibrium with the tractions of interfaces.
-    Without it that of the table `[initial_stress]`."""
 
     def check_values(self) -> None:
         tau, strength = np.broadcast_arrays(*self.shear_and_strength(self._initial))
@@ -43,10 +40,6 @@ class DruckerPrager(IsotropicElastic):
                 f"initial_stress: beyond yield, sqrt(J2) = {tau.flat[worst]:.4g} Pa above {strength.flat[worst]:.4g} "
                 "Pa; raise cohesion or compression", worst,
             )
-
-    @property
-    def _initial(self) -> Tensor:
-        return Tensor(*(self.initial_stress or [0.0] * 6))
 
     def yielded(self) -> np.ndarray:
         tau, strength = np.broadcast_arrays(*self.shear_and_strength(self._initial))
@@ -66,9 +59,8 @@ class DruckerPrager(IsotropicElastic):
         return {"plastic_strain": StateField("1", tensor=True), "overstress": StateField("Pa")}
 
     def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
-        first, shear = self.lame("strain")
-        elastic = strain - state["plastic_strain"]
-        trial = first * elastic.trace() * IDENTITY + 2 * shear * elastic
+        _, shear = self.lame("strain")
+        trial = self._elastic(strain - state["plastic_strain"])
         total = trial + self._initial
         tau, limit = self.shear_and_strength(total)
         beyond = tau - limit

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from ruptfx.materials import IDENTITY, PointError, RecordedState, StateField, Tensor
-from ruptfx.materials._overstress import ROUNDING, SMALLEST, StressTensor, relaxed
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials import PointError, RecordedState, StateField, Tensor
+from ruptfx.materials._overstress import ROUNDING, SMALLEST, relaxed
+from ruptfx.materials._prestressed import Prestressed
 from ruptfx.units import Duration, VaryingPressure
 
 
-class VonMises(IsotropicElastic):
+class VonMises(Prestressed):
     """Isotropic elasticity up to yield, then viscoplastic flow with linear hardening: metals, and glassy polymers.
 
     Yield: q <= sigma_y + H kappa, q = sqrt(3 / 2 (s - X):(s - X)), with the deviator s of the stress, the equivalent
@@ -22,8 +22,6 @@ class VonMises(IsotropicElastic):
     Source: Simo and Hughes (1998), Computational Inelasticity, sections 1.7 and 3.3 (radial return).
     """
 
-    linear: ClassVar[bool] = False
-
     yield_stress: VaryingPressure
     """Yield stress sigma_y in tension."""
     hardening: VaryingPressure = 0.0
@@ -32,9 +30,6 @@ class VonMises(IsotropicElastic):
     """Kinematic hardening modulus H_k, of the back stress."""
     relaxation_time: Duration
     """Relaxation time T of the stress beyond yield."""
-    initial_stress: StressTensor | None = None
-    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive. Without it that of the table `[initial_stress]`, and
-    without both the bodies start free of stress."""
 
     def check_values(self) -> None:
         found, limit = np.broadcast_arrays(self._size(self._initial.deviator()), self.yield_stress)
@@ -44,10 +39,6 @@ class VonMises(IsotropicElastic):
                 f"initial_stress: beyond yield, q = {found.flat[worst]:.4g} Pa above {limit.flat[worst]:.4g} Pa; raise "
                 "yield_stress, or give a stress with smaller differences", worst,
             )
-
-    @property
-    def _initial(self) -> Tensor:
-        return Tensor(*(self.initial_stress or [0.0] * 6))
 
     def yielded(self) -> np.ndarray | None:
         if self.initial_stress is None:
@@ -65,10 +56,9 @@ class VonMises(IsotropicElastic):
         }  # fmt: skip
 
     def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
-        first, shear = self.lame("strain")
+        _, shear = self.lame("strain")
         plastic, kappa = state["plastic_strain"], state["equivalent_plastic_strain"]
-        elastic = strain - plastic
-        trial = first * elastic.trace() * IDENTITY + 2 * shear * elastic
+        trial = self._elastic(strain - plastic)
         shifted = (trial + self._initial).deviator() - (2 / 3) * self.kinematic_hardening * plastic
         q = self._size(shifted)
         beyond = q - (self.yield_stress + self.hardening * kappa)

@@ -76,7 +76,7 @@ def test_heights_of_a_self_affine_profile(hurst: float) -> None:
     "changes, message",
     [
         ({"shortest": 2.0}, "shortest <= rolloff <= longest <= length, these are 2, 1, 1 and 2 m"),
-        ({"length": 1.2, "longest": 0.9, "shortest": 0.7}, "no wavelength length / k is between shortest = 0.7"),
+        ({"length": 1.2, "longest": 0.9, "shortest": 0.7}, "of length = 1.2 m is between shortest = 0.7"),
     ],
 )  # fmt: skip
 def test_wavelengths_that_do_not_fit(changes: dict[str, float], message: str) -> None:
