@@ -16,8 +16,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx.boundaries import Action, Boundary, Force
-from ruptfx.boundaries import Motion as Prescribed
+from ruptfx.boundaries import Action, Boundary, Force, PrescribedMotion
 from ruptfx.boundaries._history import ramp
 from ruptfx.boundaries._loading import Loads
 from ruptfx.mechanisms import mechanisms_of
@@ -88,7 +87,7 @@ class Staged:
     def energies(self, state: State) -> dict[str, float]:
         return self._of(state).energies(state)
 
-    def catch_up(self, state: State) -> None:
+    def advance_bodies(self, state: State) -> None:
         """Compute displacement and velocity that steps of the present stage have deferred; collective."""
         sync_bodies(self._of(state), state)
 
@@ -161,10 +160,10 @@ class StageLoads(Loads):
         before = [] if self._before is None else self._before.actions_of(boundary)
         speed = sum(old.motion.velocity(start) for old in before if old.motion is not None)
         rise = getattr(boundary, "ramp", 0.0)
-        motion = None if found.motion is None else _later(found.motion, start, speed, rise)
+        motion = None if found.motion is None else _following(found.motion, start, speed, rise)
         force = None if found.force is None else replace(found.force, factor=_shifted(found.force.factor, start))
         rests = [
-            Action(force=Force(old.force.dofs, old.force.factor(start) * old.force.values, _falling(start, rise)))
+            Action(force=Force(old.force.dofs, old.force.factor(start) * old.force.values, _ending(start, rise)))
             for old in before if old.force is not None
         ]  # fmt: skip
         return [replace(found, motion=motion, force=force), *rests]
@@ -174,18 +173,19 @@ def _shifted(course: Callable[[float], float | Floats], start: float) -> Callabl
     return lambda time: course(_since(start, time))
 
 
-def _falling(start: float, rise: float) -> Callable[[float], float]:
+def _ending(start: float, rise: float) -> Callable[[float], float]:
+    """Return a factor that falls from one to zero over a ramp [s] from a time on [s]."""
     return lambda time: 1 - ramp(_since(start, time), rise)
 
 
-def _later(motion: Prescribed, start: float, speed: float | Floats, rise: float) -> Prescribed:
+def _following(motion: PrescribedMotion, start: float, speed: float | Floats, rise: float) -> PrescribedMotion:
     """Return a motion from a time on, plus a speed [m/s] that decays over its ramp."""
 
     def rest(time: float) -> float | Floats:
         """Return the displacement added by the decaying speed [m]."""
         return speed * (time - 0.5 * time**2 / rise if time < rise else 0.5 * rise)
 
-    return Prescribed(
+    return PrescribedMotion(
         motion.dofs,
         lambda time: motion.displacement(_since(start, time)) + rest(_since(start, time)),
         lambda time: motion.velocity(_since(start, time)) + speed * (1 - ramp(time - start, rise)),

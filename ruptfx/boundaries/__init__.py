@@ -27,7 +27,7 @@ Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
 
 
 @dataclass(frozen=True)
-class Motion:
+class PrescribedMotion:
     """Prescribed motion of some degrees of freedom.
 
     Attributes
@@ -90,14 +90,14 @@ class Action:
 
     Attributes
     ----------
-    motion : Motion, optional
+    motion : PrescribedMotion, optional
     force : Force, optional
     dashpot : ndarray, shape (nodes * components,), optional
         Damping force per velocity, complete at every local node [N s/m].
     support : Support, optional
     """
 
-    motion: Motion | None = None
+    motion: PrescribedMotion | None = None
     force: Force | None = None
     dashpot: np.ndarray | None = None
     support: Support | None = None

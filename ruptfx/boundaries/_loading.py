@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx.boundaries import Action, Boundary, Force, Motion, Support
+from ruptfx.boundaries import Action, Boundary, Force, PrescribedMotion, Support
 from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.space import axisymmetry
@@ -31,7 +31,7 @@ class Loads:
     Attributes
     ----------
     model : Discretisation
-    motions : list of Motion
+    motions : list of PrescribedMotion
     forces : list of Force
     ended : list of Force
         Forces of the previous stage, which still act in explicit steps around its end.
@@ -217,10 +217,10 @@ class Loads:
             total[support.nodes] -= np.einsum("nij,nj->ni", support.stiffness, u[support.nodes])
 
 
-def _resting(dofs: np.ndarray) -> Motion:
+def _resting(dofs: np.ndarray) -> PrescribedMotion:
     """Return a zero motion, for the radial displacement on an axis of revolution."""
 
     def zero(time: float) -> float:
         return 0.0
 
-    return Motion(dofs, zero, zero, zero)
+    return PrescribedMotion(dofs, zero, zero, zero)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ruptfx.boundaries import Action, Motion
+from ruptfx.boundaries import Action, PrescribedMotion
 from ruptfx.boundaries._edge_motion import EdgeMotion
 from ruptfx.boundaries._history import ramp
 from ruptfx.platform import parallel
@@ -54,7 +54,7 @@ class Driven(EdgeMotion):
     def act_on(self, edge: Edge, key: str) -> Action:
         dofs = edge.dofs(self.component, (self.x_range, self.y_range))
         if not callable(self.profile) and self.profile == 1:
-            return Action(motion=Motion(dofs, self.travelled, self.speed, self.accelerated))
+            return Action(motion=PrescribedMotion(dofs, self.travelled, self.speed, self.accelerated))
         factor, error = np.ones(len(dofs)), None
         along = edge.along()[dofs // edge.model.components]
         try:
@@ -66,4 +66,5 @@ class Driven(EdgeMotion):
         def scaled(course: Callable[[float], float]) -> Callable[[float], np.ndarray]:
             return lambda time: factor * course(time)
 
-        return Action(motion=Motion(dofs, scaled(self.travelled), scaled(self.speed), scaled(self.accelerated)))
+        courses = scaled(self.travelled), scaled(self.speed), scaled(self.accelerated)
+        return Action(motion=PrescribedMotion(dofs, *courses))

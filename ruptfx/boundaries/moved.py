@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
 
-from ruptfx.boundaries import Action, Motion
+from ruptfx.boundaries import Action, PrescribedMotion
 from ruptfx.boundaries._edge_motion import EdgeMotion
 from ruptfx.boundaries._history import Samples
 from ruptfx.input.number_files import with_file_read
@@ -82,7 +82,7 @@ class Moved(EdgeMotion):
         constant_after = self.values[-1] == rest
         return Samples(self.times, self.values, unit, lambda time: float(course(time)), constant_after, self._read_from)
 
-    def motion(self, dofs: np.ndarray) -> Motion:
+    def motion(self, dofs: np.ndarray) -> PrescribedMotion:
         """Return displacement, velocity and acceleration of some degrees of freedom as functions of time."""
         from scipy.interpolate import PchipInterpolator
 
@@ -101,13 +101,13 @@ class Moved(EdgeMotion):
 
         if self.quantity == "displacement":
             bend = course.derivative(2)
-            return Motion(dofs, value, lambda time: change(slope, time), lambda time: change(bend, time))
+            return PrescribedMotion(dofs, value, lambda time: change(slope, time), lambda time: change(bend, time))
         area = course.antiderivative()
 
         def travelled(time: float) -> float:
             return float(area(within(time))) + (time - within(time)) * value(time)
 
-        return Motion(dofs, travelled, value, lambda time: change(slope, time))
+        return PrescribedMotion(dofs, travelled, value, lambda time: change(slope, time))
 
     def act_on(self, edge: Edge, key: str) -> Action:
         return Action(motion=self.motion(edge.dofs(self.component, (self.x_range, self.y_range))))

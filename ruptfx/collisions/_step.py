@@ -242,7 +242,7 @@ class CollisionStep:
         """Search close pairs at the displacement, before facets and pairs exert forces; collective."""
         self._prepare(state)
         (x,) = self._corners(self._places(state.displacement))
-        if state.step % EVERY == 0 and self._look(state):
+        if state.step % EVERY == 0 and self._replace_failed(state):
             known = self._numbers()
             self._surface = self._find_surface(state)
             (x,) = self._corners(self._places(state.displacement))
@@ -316,7 +316,7 @@ class CollisionStep:
         self._surface, self._made = self._find_surface(state), state
         self._find_pairs(state, *self._corners(self._places(state.displacement)))
 
-    def _look(self, state: State) -> bool:
+    def _replace_failed(self, state: State) -> bool:
         """Return whether facets have failed or been replaced since the last search, on any rank; collective."""
         cracks, field = state.cracks, state.cracks[FIELD]
         gone = cracks["damage"] >= 1
@@ -379,7 +379,7 @@ class CollisionStep:
         pair = pair[keep]
         label = surface.label[pair]
         joined = (label[:, 0, :, None] == label[:, 1, None, :]).any(axis=(1, 2))
-        pair = pair[~joined | self._parted(state, pair)]
+        pair = pair[~joined | self._is_replaced(state, pair)]
         of = surface.body[pair].T
         pair = np.ascontiguousarray(pair[np.lexsort([pair[:, 1], pair[:, 0], self._law[of[0], of[1]]])])
         of = surface.body[pair].T
@@ -393,7 +393,7 @@ class CollisionStep:
         )  # fmt: skip
         self._recall(state)
 
-    def _parted(self, state: State, pair: np.ndarray) -> np.ndarray:
+    def _is_replaced(self, state: State, pair: np.ndarray) -> np.ndarray:
         """Return a mask of the pairs that are the two sides of a replaced facet."""
         surface = self._surface
         assert surface is not None

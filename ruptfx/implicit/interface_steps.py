@@ -10,7 +10,7 @@ the base b, displacement and jumps g = J u are, with A, k and S = J A^-1 J' W of
 
 w_m being the response of the bodies, with sticking interfaces, to a unit of the amount m. A step solves the second
 line for the jumps as `condensed` does; the first takes a back substitution for the displacement and one for the
-velocity, together, when output needs them (`catch_up`). Results do not depend on when that is: it changes no
+velocity, together, when output needs them (`advance_bodies`). Results do not depend on when that is: it changes no
 bit of later steps, and a restarted run has bitwise the same results.
 
 The work of boundaries on bodies in equilibrium at both ends of a step is the change of strain energy, and interfaces
@@ -160,7 +160,7 @@ class InterfaceSteps:
         """Remove the base, if there is one, and complete the state as if there had been none; collective."""
         if not self.has_base(state):
             return
-        self.catch_up(state)
+        self.advance_bodies(state)
         if not self.has_base(state):  # the bodies were out of balance
             return
         kinetic, strain = self._model.bulk_energies(state)
@@ -173,7 +173,7 @@ class InterfaceSteps:
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies over all ranks [J]; collective."""
-        self.catch_up(state)
+        self.advance_bodies(state)
         found = self._model.energies(state)
         if self.has_base(state):
             found["boundary_work"] += found["strain"]
@@ -258,7 +258,7 @@ class InterfaceSteps:
         solution.commit(state)
         state.deferred = True
 
-    def catch_up(self, state: State) -> None:
+    def advance_bodies(self, state: State) -> None:
         """Update displacement and velocity of the bodies if they are deferred; collective."""
         if not state.deferred:
             return

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 SLACK = 1e-9  # relative tolerance of times, for rounding
 
 
-class Train:
-    """Readings at the same times, on this rank.
+class SampleBuffer:
+    """Readings of channels at the same times and samples of them, on this rank.
 
     Parameters
     ----------
@@ -136,10 +136,10 @@ class Samples:
         constant = np.array([0.0 if each.bandwidth is None else 0.5 / np.pi / each.bandwidth for each in owner])
         self._group, self._offset = group, np.array([channel.offset for channel in channels])
         self._nodal, self._at_faults = self._weights(channels)
-        self._trains = {}
+        self._buffers = {}
         for clock in sorted({clock for _, clocks in groups for clock in clocks}):
             intervals = {number: interval for number, (interval, clocks) in enumerate(groups) if clock in clocks}
-            self._trains[clock] = Train(intervals, group, constant)
+            self._buffers[clock] = SampleBuffer(intervals, group, constant)
         self._clocks = [clocks for _, clocks in groups]
         self._momentum = (-1.0, np.zeros(len(channels)))  # time and readings of the previous velocity
         self._written = [0] * len(self._intervals)
@@ -178,38 +178,38 @@ class Samples:
         if not self.instruments:
             return
         half = 0.5 * state.lag
-        for clock, train in self._trains.items():
+        for clock, buffer in self._buffers.items():
             if clock == "displacement":
-                train.advance(state.time, self._nodal[clock] @ state.displacement)
+                buffer.advance(state.time, self._nodal[clock] @ state.displacement)
             elif clock == "velocity":
-                train.advance(state.time - half, self._nodal[clock] @ state.velocity)
+                buffer.advance(state.time - half, self._nodal[clock] @ state.velocity)
             elif clock == "acceleration":
-                self._accelerate(train, state.time - half, self._nodal[clock] @ state.velocity)
+                self._accelerate(buffer, state.time - half, self._nodal[clock] @ state.velocity)
             else:
                 faults = state.faults
                 readings = [weights @ faults[name][field] for (name, field), weights in self._at_faults.items()]
-                train.advance(state.fault_time, np.sum(readings, axis=0))
+                buffer.advance(state.fault_time, np.sum(readings, axis=0))
 
-    def _accelerate(self, train: Train, time: float, momentum: np.ndarray) -> None:
+    def _accelerate(self, buffer: SampleBuffer, time: float, momentum: np.ndarray) -> None:
         """Read the change of a velocity over its time, at the middle: in explicit runs at the time of the forces."""
         then, before = self._momentum
         self._momentum = (time, momentum)
         if then < 0:
-            train.advance(0.0, np.zeros_like(momentum))
+            buffer.advance(0.0, np.zeros_like(momentum))
         elif time > then:
-            train.advance(0.5 * (then + time), (momentum - before) / (time - then))
+            buffer.advance(0.5 * (then + time), (momentum - before) / (time - then))
 
     def gather(self) -> list[tuple[str, np.ndarray, list[np.ndarray]]]:
         """Return complete samples on rank 0: instrument, times [s], values by channel; collective."""
         blocks, counts = [], []
         for group, interval in enumerate(self._intervals):
-            trains = [self._trains[clock] for clock in self._clocks[group]]
-            parts = [train.rows(group) for train in trains]
+            buffers = [self._buffers[clock] for clock in self._clocks[group]]
+            parts = [buffer.rows(group) for buffer in buffers]
             end = int(np.floor(self._model.case.duration / interval * (1 + SLACK))) + 1 - self._written[group]
             count = min(min(len(part) for part in parts), max(end, 0))
             blocks.append(np.sum([part[:count] for part in parts], axis=0))
-            for train, part in zip(trains, parts, strict=True):
-                train.waiting[group] = [part[count:]]
+            for buffer, part in zip(buffers, parts, strict=True):
+                buffer.waiting[group] = [part[count:]]
             counts.append(count)
         gathered = self._model.comm.gather(blocks, root=0)
         starts = list(self._written)
@@ -236,7 +236,7 @@ class Samples:
 
     def table(self) -> Table | None:
         """Return all data that change, of every rank on rank 0, for a checkpoint; collective."""
-        mine = {"trains": {clock: train.table() for clock, train in self._trains.items()},
+        mine = {"trains": {clock: buffer.table() for clock, buffer in self._buffers.items()},
                 "momentum": [self._momentum[0], self._momentum[1].tolist()]}  # fmt: skip
         ranks = self._model.comm.gather(mine, root=0)
         return None if ranks is None else {"written": self._written, "ranks": ranks}
@@ -248,8 +248,8 @@ class Samples:
         mine = ranks if comm.rank == 0 else []
         if len(ranks) == comm.size:
             mine = [ranks[comm.rank]]
-        for clock, train in self._trains.items():
-            train.restore(ranks[0]["trains"][clock], [rank["trains"][clock] for rank in mine])
+        for clock, buffer in self._buffers.items():
+            buffer.restore(ranks[0]["trains"][clock], [rank["trains"][clock] for rank in mine])
         momentum = np.sum([np.array(rank["momentum"][1]) for rank in mine], axis=0) + 0 * self._offset
         self._momentum = (ranks[0]["momentum"][0], momentum)
 

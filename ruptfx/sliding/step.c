@@ -19,11 +19,11 @@ struct sweeps {
     double *rate;           // of the jump
     long parts;             // of RUN nodes of the other side
     const long *reach;      // of every block of points: range of parts paired with it
-    unsigned char *stirred; // parts where forces have changed in this sweep
+    unsigned char *changed; // parts where forces have changed in this sweep
     long *upto;             // how many parts before each, and in all, changed in the last one
 };
 
-enum { MOVED = 1, UNSETTLED = 2 };  // flags of changed forces: at all, and beyond the tolerance
+enum { CHANGED = 1, UNSETTLED = 2 };  // flags of changed forces: at all, and beyond the tolerance
 
 INLINE long filled(const struct pairing *f) { return (f->n + LANES - 1) / LANES * LANES; }
 
@@ -101,7 +101,7 @@ INLINE void meet(const struct pairing *f, const struct sweeps *s)
 {
     const long points = filled(f), nodes = points + f->m;
     for (long part = 0; part < s->parts; part++) {
-        if (!s->stirred[part]) continue;
+        if (!s->changed[part]) continue;
         const long first = part * RUN, end = first + RUN < f->m ? first + RUN : f->m;
         for (long j = first; j < end; j++) react(f, j);
         for (int c = 0; c < 2; c++) {
@@ -115,8 +115,8 @@ INLINE void meet(const struct pairing *f, const struct sweeps *s)
 // Count the parts that have changed, for `reached`, and begin anew.
 INLINE void turn(const struct sweeps *s, unsigned char least)
 {
-    for (long i = 0; i < s->parts; i++) s->upto[i + 1] = s->upto[i] + (s->stirred[i] >= least);
-    memset(s->stirred, 0, s->parts);
+    for (long i = 0; i < s->parts; i++) s->upto[i + 1] = s->upto[i] + (s->changed[i] >= least);
+    memset(s->changed, 0, s->parts);
 }
 
 // Whether a block is paired with one of them.
@@ -126,10 +126,10 @@ INLINE int reached(const struct sweeps *s, long first)
     return s->upto[reach[1]] > s->upto[reach[0]];
 }
 
-INLINE void stir(const struct sweeps *s, long first, unsigned char how)
+INLINE void mark_changed(const struct sweeps *s, long first, unsigned char how)
 {
     const long *reach = s->reach + 2 * (first / LANES);
-    for (long i = reach[0]; i < reach[1]; i++) s->stirred[i] = how > s->stirred[i] ? how : s->stirred[i];
+    for (long i = reach[0]; i < reach[1]; i++) s->changed[i] = how > s->changed[i] ? how : s->changed[i];
 }
 
 // Whether the tractions of a block are others than `given`; scale: the largest one so far.
@@ -207,7 +207,7 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
         }
         if (!hold_of(f, s, first)) continue;
         const int more = unconverged(f, s, first, given, scale);
-        stir(s, first, more ? UNSETTLED : MOVED);
+        mark_changed(s, first, more ? UNSETTLED : CHANGED);
         many += more;
     }
     meet(f, s);
@@ -235,7 +235,7 @@ INLINE double start(const struct pairing *f, const struct sweeps *s, double *con
     for (long i = 0; i < 2 * points; i++) s->jump[i] += s->offset[i];
     memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double));
     memset(f->forces, 0, 2 * (f->n + f->width) * sizeof(double));
-    memset(s->stirred, 0, s->parts);
+    memset(s->changed, 0, s->parts);
     for (int c = 0; c < 2; c++)
         memcpy(f->across + c * (f->m + f->columns), s->begun + c * nodes + points, f->m * sizeof(double));
     if (!s->most) return 0;
@@ -243,7 +243,7 @@ INLINE double start(const struct pairing *f, const struct sweeps *s, double *con
     memcpy(s->traction + points, field[STATE_shear_traction], f->n * sizeof(double));
     EACH_BLOCK {
         unconverged(f, s, first, none, &scale);
-        if (hold_of(f, s, first)) stir(s, first, MOVED);
+        if (hold_of(f, s, first)) mark_changed(s, first, CHANGED);
     }
     meet(f, s);
     return scale;
@@ -311,7 +311,7 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
     }
     const int settled = many == 0;
     many = 0;
-    turn(s, MOVED);
+    turn(s, CHANGED);
     EACH_BLOCK {
         begin(f, s, fixed, field, first, (int)count, &points, given);
         point(times, number, &points);
@@ -322,11 +322,11 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
         memcpy(s->traction + points_of + first, field[STATE_shear_traction] + first, count * sizeof(double));
         if (!hold_of(f, s, first)) continue;
         many += s->most && unconverged(f, s, first, given, &scale);
-        stir(s, first, MOVED);
+        mark_changed(s, first, CHANGED);
     }
     meet(f, s);
     leave(f, s, velocity, force);
-    turn(s, MOVED);
+    turn(s, CHANGED);
     // Where nothing has changed rates are those of the last sweep.
     if (s->most) EACH_BLOCK if (!s->parts || reached(s, first)) rates_of(f, s, first, (int)count);
     look_across(f, before, s->places);

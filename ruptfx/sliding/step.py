@@ -43,7 +43,7 @@ class _Sweeps(ctypes.Structure):
             (name, ctypes.c_void_p) for name in (
                 "push", "initial", "places", "begun", "frame", "offset", "load", "jump", "before", "traction", "rate",
             )
-        ), ("parts", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("reach", "stirred", "upto")),
+        ), ("parts", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("reach", "changed", "upto")),
     ]  # fmt: skip
 
 
@@ -140,8 +140,8 @@ class SlidingStep:
             self._load, np.zeros((2, filled)), self._before, np.zeros((2, filled)), self._rate,
         )  # fmt: skip
         parts = -(-m // RUN)
-        self._reach, stirred = np.zeros((filled // LANES, 2), dtype=np.int64), np.zeros(parts, dtype=np.uint8)
-        marks = self._reach, stirred, np.zeros(parts + 1, dtype=np.int64)
+        self._reach, changed = np.zeros((filled // LANES, 2), dtype=np.int64), np.zeros(parts, dtype=np.uint8)
+        marks = self._reach, changed, np.zeros(parts + 1, dtype=np.int64)
         self._arrays = (*arrays, *marks)
         self._sweeps = _Sweeps(
             most, tolerance, *(array.ctypes.data for array in arrays), parts, *(array.ctypes.data for array in marks)

@@ -56,14 +56,14 @@ class Motion(Protocol):
 class DeferringMotion(Motion, Protocol):
     """A motion that may defer displacement and velocity of the bodies (`State.lazy_bodies`, `State.deferred`)."""
 
-    def catch_up(self, state: State) -> None:
+    def advance_bodies(self, state: State) -> None:
         """Compute deferred displacement and velocity at the time of the state; collective."""
 
 
 def sync_bodies(motion: Motion, state: State) -> None:
     """Compute displacement and velocity at the time of the state if its steps have deferred them; collective."""
     if state.deferred:
-        cast("DeferringMotion", motion).catch_up(state)
+        cast("DeferringMotion", motion).advance_bodies(state)
 
 
 class StagedMotion(Motion, Protocol):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SLOW, FAST = 0.0, 1.0
 RIGID = 1e6  # stiffness of rigid contact over that of the bodies, for slip from a known jump
-LOOK_EVERY = 25  # explicit steps between checks of the slip rates on all ranks
+CHECK_EVERY = 25  # explicit steps between checks of the slip rates on all ranks
 
 
 class Hybrid(Stepper):
@@ -126,9 +126,9 @@ class HybridMotion:
         """Return the energies of the present scheme [J]."""
         return self._under_way(state).energies(state)
 
-    def catch_up(self, state: State) -> None:
+    def advance_bodies(self, state: State) -> None:
         """Compute displacement and velocity that slow steps have deferred; collective."""
-        self._slow.catch_up(state)
+        self._slow.advance_bodies(state)
 
     def leave(self, state: State) -> None:
         self._under_way(state).leave(state)
@@ -165,15 +165,15 @@ class HybridMotion:
         finally:  # collective: a rank with an error takes part
             if first:  # explicit steps balance energy half a step later, and start from rest
                 self._book(state, _missing(self.energies(state)) - before)
-            if state.step % LOOK_EVERY == 0:
-                self._look(state)
+            if state.step % CHECK_EVERY == 0:
+                self._check_calm(state)
 
     def _book(self, state: State, lost: float) -> None:
         """Count energy of all ranks that is lost in a switch as damping [J]."""
         if self.model.comm.rank == 0:
             state.energy["damping"] += lost / self.model.copies
 
-    def _look(self, state: State) -> None:
+    def _check_calm(self, state: State) -> None:
         """Switch back to slow steps if no point has slid or opened fast for long enough; collective."""
         opens = {}
         for fault in self.model.faults:

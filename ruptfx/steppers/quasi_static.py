@@ -132,10 +132,10 @@ class QuasiStaticMotion(SlowMotion):
         alone = self.equilibrium.interface_steps
         return self.model.energies(state) if alone is None else alone.energies(state)
 
-    def catch_up(self, state: State) -> None:
+    def advance_bodies(self, state: State) -> None:
         """Compute deferred displacement and velocity; collective."""
         if self.equilibrium.interface_steps is not None:
-            self.equilibrium.interface_steps.catch_up(state)
+            self.equilibrium.interface_steps.advance_bodies(state)
 
     def leave(self, state: State) -> None:
         """End the deferred updates of these steps."""

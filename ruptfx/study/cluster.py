@@ -91,7 +91,7 @@ def opened(marker: Path, address: str | None, cores: int | None, ranks: int) -> 
 
 def _check_workers(client: Client, marker: Path) -> None:
     try:
-        seen = client.run(_look, str(marker))
+        seen = client.run(_version_and_file, str(marker))
     except Exception as error:
         raise RuptfxError(f"the workers cannot import ruptfx {__version__}: {error}") from None
     for worker, (version, there) in seen.items():
@@ -103,7 +103,8 @@ def _check_workers(client: Client, marker: Path) -> None:
             )
 
 
-def _look(marker: str) -> tuple[str, bool]:
+def _version_and_file(marker: str) -> tuple[str, bool]:
+    """Return the version of a worker, and whether it sees a file."""
     workers.open_for_work()
     return __version__, Path(marker).is_file()
 

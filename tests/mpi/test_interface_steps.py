@@ -153,7 +153,7 @@ def test_bodies_are_left_alone_between_looks(monkeypatch: pytest.MonkeyPatch) ->
         for _ in range(4):
             motion.step(state)
         with pytest.raises(AssertionError):
-            motion.catch_up(state)
+            motion.advance_bodies(state)
 
 
 def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:

@@ -16,7 +16,7 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx import RuptfxError, stages
-from ruptfx.boundaries import Motion
+from ruptfx.boundaries import PrescribedMotion
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.simulation import simulate
@@ -96,8 +96,10 @@ def test_from_the_old_amount_to_the_new_one() -> None:
 
 def test_displacement_of_a_motion_that_begins_with_the_old_speed() -> None:
     """2 m/s that vanish over a ramp of 2 us besides 3 m/s from its end on: 2 x 2 us / 2 + 3 x 2 us in 4 us."""
-    still = Motion(np.array([0]), lambda t: 3.0 * max(t - 2e-6, 0.0), lambda t: 3.0 * (t > 2e-6), lambda t: 0.0)
-    later = stages._later(still, 1e-6, 2.0, 2e-6)
+    still = PrescribedMotion(
+        np.array([0]), lambda t: 3.0 * max(t - 2e-6, 0.0), lambda t: 3.0 * (t > 2e-6), lambda t: 0.0
+    )
+    later = stages._following(still, 1e-6, 2.0, 2e-6)
     way = [later.displacement(1e-6 + t) - later.displacement(1e-6) for t in (1e-6, 2e-6, 4e-6)]
     np.testing.assert_allclose(way, [1.5e-6, 2e-6, 8e-6], rtol=1e-12)
 

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from ruptfx import Table
 from ruptfx.lumped import Progress, variable
-from ruptfx.lumped.spring_slider.slider import Motion, Slider, integrate
+from ruptfx.lumped.spring_slider.slider import Slider, Trajectory, integrate
 from ruptfx.schema import Part
 from ruptfx.units import Duration, Length, Speed
 
@@ -30,12 +30,12 @@ class Experiment(Part):
 
 def follow(
     slider: Slider, segments: Iterable[tuple[float, float]], samples: int, start: np.ndarray | None = None
-) -> list[Motion]:
+) -> list[Trajectory]:
     """Return the motion through segments (duration [s], drive speed [m/s]), from steady sliding at the first speed.
 
     Times are cumulative; each segment has `samples` times, denser after its start where the friction changes fast.
     """
-    motions: list[Motion] = []
+    motions: list[Trajectory] = []
     time = 0.0
     for duration, speed in segments:
         y = motions[-1].end if motions else slider.steady(speed) if start is None else start
@@ -45,7 +45,7 @@ def follow(
     return motions
 
 
-def traces(motions: list[Motion], speeds: Iterable[float]) -> Table:
+def traces(motions: list[Trajectory], speeds: Iterable[float]) -> Table:
     """Return variables of a dataset along `time`."""
     time = np.concatenate([m.time for m in motions])
     drive = np.concatenate([np.full(len(m.time), speed) for m, speed in zip(motions, speeds, strict=True)])

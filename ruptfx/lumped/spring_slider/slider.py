@@ -101,7 +101,7 @@ class Slider:
 
 
 @dataclass(frozen=True)
-class Motion:
+class Trajectory:
     """A computed motion: time [s], variables of shape (size, times), friction coefficient F / W_0 and slip rate."""
 
     time: np.ndarray
@@ -117,8 +117,8 @@ class Motion:
 def integrate(
     slider: Slider, start: np.ndarray, times: np.ndarray, drive: Signal, normal_force: Signal | None = None,
     rtol: float = 1e-8, longest_step: float = np.inf,
-) -> Motion:
-    """Motion at the given times, with scipy's LSODA or, if that fails, Radau (both stiff, with error control).
+) -> Trajectory:
+    """Return the motion at the given times, by scipy's LSODA or, if that fails, Radau (both stiff, with error control).
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def integrate(
         raise RuptfxError(f"the slider's motion stops at t = {reached:.6g} s: {solution.message} {remedy}")
     y = solution.y * scale[:, None]
     weights = np.array([weight(t) for t in times])
-    return Motion(times, y, slider.force(y, weights) / slider.normal_force, slider.slip_rate(y, weights))
+    return Trajectory(times, y, slider.force(y, weights) / slider.normal_force, slider.slip_rate(y, weights))
 
 
 def linear_rates(slider: Slider, speed: float) -> np.ndarray:

@@ -12,7 +12,14 @@ from scipy.optimize import brentq, fsolve
 from ruptfx import RuptfxError
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment, Samples
-from ruptfx.lumped.spring_slider.slider import Motion, Slider, critical_stiffness, integrate, linear_rates, oscillates
+from ruptfx.lumped.spring_slider.slider import (
+    Slider,
+    Trajectory,
+    critical_stiffness,
+    integrate,
+    linear_rates,
+    oscillates,
+)
 from ruptfx.units import Positive, Speed
 
 Amplitude = Annotated[float, Field(ge=0, lt=0.95)]
@@ -121,7 +128,7 @@ class Bifurcation(Experiment):
         )
 
 
-def _cycles(motion: Motion, omega: float) -> tuple[float, float]:
+def _cycles(motion: Trajectory, omega: float) -> tuple[float, float]:
     """Return frequency [rad/s] and second over first harmonic, over the whole cycles in the later half of a motion."""
     half = len(motion.time) // 2
     signal = motion.friction[half:] - motion.friction[half:].mean()
@@ -210,7 +217,7 @@ class ModulatedLoad(Experiment):
             attrs={"experiment": self.name, "frequency": self.frequency},
         )
 
-    def _cycle(self, slider: Slider, start: np.ndarray, eps: float, samples: int = 1) -> Motion:
+    def _cycle(self, slider: Slider, start: np.ndarray, eps: float, samples: int = 1) -> Trajectory:
         period = 1 / self.frequency
 
         def load(time: float) -> float:
@@ -219,7 +226,7 @@ class ModulatedLoad(Experiment):
         times = np.linspace(0, period, samples + 1)
         return integrate(slider, start, times, self.speed, load, rtol=1e-10, longest_step=period / 16)
 
-    def orbit(self, slider: Slider, eps: float) -> Motion:
+    def orbit(self, slider: Slider, eps: float) -> Trajectory:
         """Return the motion that is periodic with the load: a fixed point of the map over one cycle.
 
         Raises
