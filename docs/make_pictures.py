@@ -353,6 +353,7 @@ COMMANDS = (
             {"strike_slip_ground": "ground_motion"}),
     Command("run demos/dipping_3d.toml --out run", {"dipping_3d": "rupture_map"}),
     Command("run demos/rough_3d.toml --out run", {"rough_3d": "rupture_map"}),
+    Command("run demos/branch_3d.toml --out run", {"branch_3d": "rupture_map"}),
     Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),
     Command("impact_figures.py", {"modes": "modes", "tip_speed": "tip_speed", "slip_and_jump": "slip_and_jump",
                                   "fringes": "fringes"}, DEMOS / "pictures",

@@ -1,7 +1,8 @@
-"""Maps of a surface: strike to the right, dip downwards, equal scales."""
+"""Maps of surfaces: strike to the right, dip downwards, equal scales."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,15 +10,66 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh, TriMesh
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.contour import ContourSet
+from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
 from matplotlib.tri import Triangulation
 
+from ruptfx import RuptfxError
 from ruptfx.analysis.surface import grid
 from ruptfx.figure_style import Array, scale
-from ruptfx.plots._sheet import Window, pair
-from ruptfx.record import Data
+from ruptfx.plots._sheet import Sheet, Window, pair
+from ruptfx.record import Data, Files
+from ruptfx.schema import nearest
 
 Lengths = tuple[float, str]
 """Size and name of the unit of lengths."""
+
+DRAWN, AROUND = 5.6, 0.9  # inch: width of the maps of a line, height of title and labels
+LOWEST = 1.2  # inch, height of maps side by side; lower ones are drawn below each other
+SLOW = 3.0  # times the median difference of the rupture times of neighbours
+SHORT = 6.0  # mean distances of points
+
+
+def selected(sheet: Sheet, record: Files, fault: str | Sequence[str] | None) -> dict[str, Data]:
+    """Return the surfaces that a figure draws by name, all of them by default.
+
+    Raises
+    ------
+    RuptfxError
+        There is no such fault.
+    """
+    known = record.interfaces
+    wanted = list(known) if fault is None else [fault] if isinstance(fault, str) else list(fault)
+    for name in wanted:
+        if name not in known:
+            raise RuptfxError(f"plots.{sheet.name}: fault = '{name}': {nearest(name, list(known))}")
+    return {name: data for name, data in known.items() if name in wanted}
+
+
+def size_of(data: Data) -> tuple[float, float]:
+    """Return the extents of a surface along strike and down dip [m]."""
+    return max(float(np.ptp(data["position"].values)), 1e-300), float(np.ptp(data["dip"].values))
+
+
+def height_in_line(surfaces: Iterable[Data]) -> float:
+    """Return the height of maps that fill a line side by side, at one scale [inch]."""
+    sizes = [size_of(data) for data in surfaces]
+    return DRAWN * max(high for _, high in sizes) / sum(wide for wide, _ in sizes)
+
+
+def panels(sheet: Sheet, surfaces: Mapping[str, Data]) -> Array:
+    """Return a panel for each surface, shape (rows, columns).
+
+    They are side by side, at one scale of lengths, or below each other if such maps would be low.
+    """
+    of = list(surfaces.values())
+    if (height := height_in_line(of)) >= LOWEST or len(of) == 1:
+        ratios = [size_of(data)[0] for data in of]
+        return sheet.panels(1, len(of), float(np.clip(AROUND + height, 1.8, 6.5)), width_ratios=ratios)
+    heights = [size_of(data)[1] for data in of]
+    height = DRAWN * sum(heights) / max(size_of(data)[0] for data in of)
+    ratios = heights if min(heights) > 0 else [1.0] * len(of)
+    return sheet.panels(len(of), 1, float(np.clip(AROUND * len(of) + height, 1.8, 8.5)), height_ratios=ratios)
 
 
 def draw(
@@ -40,22 +92,76 @@ def draw(
 
 def contours(
     ax: Axes, data: Data, times: Array, levels: Array, colour: str = "#1a1a1a", style: str = "solid",
-    labels: bool = True, lengths: Lengths | None = None,
+    labels: bool = True, lengths: Lengths | None = None, largest: float = np.inf,
 ) -> None:  # fmt: skip
-    """Draw contours of times at the points of a surface, every other one with a label; none where they are NaN."""
+    """Draw contours of times at the points of a surface, every other one with a label; none where they are NaN.
+
+    Nor are there contours around neighbours whose times differ by more than `largest`, and pieces of contours that are
+    as short as a few points are left out.
+    """
     size, _ = lengths or axis_scale(data)
-    positions = grid(data)
-    lines: ContourSet
+    triangles, values = _triangles(data, times, size)
+    apart = _differences(data, triangles, values)
+    jumps = np.zeros(len(values), dtype=bool)
+    jumps[triangles.triangles[apart > largest]] = True
+    left_out = ~np.isfinite(apart) | jumps[triangles.triangles].any(axis=1)
+    if left_out.all():
+        return
+    triangles.set_mask(left_out)
     look: dict[str, Any] = {"colors": colour, "linewidths": 0.6, "linestyles": style}
-    if positions is None:
-        triangles = Triangulation(data["position"].values / size, data["dip"].values / size)
-        triangles.set_mask(~np.isfinite(times)[triangles.triangles].all(axis=1))
-        lines = ax.tricontour(triangles, np.nan_to_num(times), levels, **look)
-    else:
-        s, d = (each / size for each in positions)
-        lines = ax.contour(s, d, np.ma.masked_invalid(times.reshape(len(s), len(d)).T), levels=levels, **look)
+    lines: ContourSet = ax.tricontour(triangles, np.nan_to_num(values), levels, **look)
+    wide, high = size_of(data)
+    shortest = SHORT * np.sqrt(wide * high / len(times)) / size
+    lines.set_paths([_long_pieces(path, shortest) for path in lines.get_paths()])
+    rim = withStroke(linewidth=1.4, foreground="white", alpha=0.5)  # dark lines are on dark colours, too
+    lines.set_path_effects([rim])
     if labels:
-        ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6)
+        for text in ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6):
+            text.set_path_effects([rim])
+
+
+def _long_pieces(path: Path, shortest: float) -> Path:
+    """Return the connected pieces of a path that are at least so long."""
+    if path.codes is None or not np.size(path.vertices):
+        return path
+    begins = np.flatnonzero(path.codes == Path.MOVETO)
+    pieces = zip(np.split(path.vertices, begins[1:]), np.split(path.codes, begins[1:]), strict=True)
+    kept = [Path(points, codes) for points, codes in pieces
+            if np.hypot(*np.diff(points, axis=0).T).sum() >= shortest]  # fmt: skip
+    return Path.make_compound_path(*kept) if kept else Path(np.empty((0, 2)))
+
+
+def largest_difference(surfaces: Iterable[Data], step: float) -> float:
+    """Return the largest difference of the rupture times of neighbours that a front makes [s].
+
+    It is the step of contours, or a multiple of the median difference where the mesh is too coarse for the step.
+    """
+    apart = np.concatenate([_differences(data, *_triangles(data, data["rupture_time"].values)) for data in surfaces])
+    apart = apart[np.isfinite(apart)]
+    return max(step, SLOW * float(np.median(apart))) if len(apart) else step
+
+
+def _differences(data: Data, triangles: Triangulation, values: Array) -> Array:
+    """Return the difference of the values within each triangle, or within its rectangle of a grid."""
+    apart = np.ptp(values[triangles.triangles], axis=1)
+    return apart if grid(data) is None else np.tile(apart.reshape(4, -1).max(axis=0), 4)
+
+
+def _triangles(data: Data, values: Array, size: float = 1.0) -> tuple[Triangulation, Array]:
+    """Return the triangles between the points of a surface, and the values at their vertices.
+
+    A rectangle of a grid has four triangles around its middle, so that contours are as symmetric as the values.
+    """
+    strike, dip, positions = data["position"].values / size, data["dip"].values / size, grid(data)
+    if positions is None:
+        return Triangulation(strike, dip), values
+    number = np.arange(len(strike)).reshape(len(positions[0]), len(positions[1]))
+    corners = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]).reshape(4, -1)
+    middle = len(strike) + np.arange(corners.shape[1])
+    x, y, at_vertices = (np.concatenate([each, each[corners].mean(axis=0)]) for each in (strike, dip, values))
+    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    cells = np.concatenate([np.stack([one, other, middle], axis=1) for one, other in sides])
+    return Triangulation(x, y, cells), at_vertices
 
 
 def axis_scale(data: Data) -> tuple[float, str]:

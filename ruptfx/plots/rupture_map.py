@@ -1,6 +1,8 @@
-"""Figure of rupture times over the final slip of a surface."""
+"""Figure of rupture times over the final slip of surfaces."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -22,29 +24,50 @@ def suits(record: Files) -> bool:
 
 
 @figure
-def rupture_map(sheet: Sheet, record: Files, *, x: Window | None = None) -> None:
-    """Draw contours of the rupture time over the slip at the last record.
+def rupture_map(
+    sheet: Sheet, record: Files, *, fault: str | Sequence[str] | None = None, x: Window | None = None
+) -> None:
+    """Draw contours of the rupture time over the slip at the last record, a panel for each surface.
 
-    Contours are every 0.5 s, or at another even step where that would be too many or too few.
+    Contours are every 0.5 s, or at another even step where that would be too many or too few. There are none where a
+    point has not ruptured, and none around neighbours that rupture further apart than the step, or than three times
+    the median of all neighbours if that is longer: the mesh resolves no front there. Such neighbours are found where a
+    front dies and points pass `output.rupture_threshold` one by one, and where slip begins ahead of the front, as
+    along a free surface.
+
+    Parameters
+    ----------
+    fault : str or sequence of str, optional
+        Names of surfaces. Default: all.
     """
-    data = record.interface
-    slip, times = magnitude_of(data, "slip", -1), data["rupture_time"].values
-    size, unit = sheet.scale("slip", slip, "m")
-    x_scale = sheet.scale("x", _surface.extent(data), "m")
-    ratio = np.ptp(data["dip"].values) / max(np.ptp(data["position"].values), 1e-300)
-    ax = sheet.panels(1, 1, float(np.clip(0.9 + 5.6 * ratio, 1.8, 6.5)))[0, 0]
-    drawn = _surface.draw(ax, data, slip / size, Normalize(0, max(slip.max() / size, 1e-300)), RATE_MAP, x_scale)
-    sheet.figure.colorbar(drawn, ax=ax, label=f"Slip ({unit})", shrink=min(1.0, 2 * ratio + 0.2))
-    known = times[np.isfinite(times)]
+    surfaces = _surface.selected(sheet, record, fault)
+    sheet.one_of(f"choose one with fault = {', '.join(map(repr, surfaces))}")
+    slips = {name: magnitude_of(data, "slip", -1) for name, data in surfaces.items()}
+    size, unit = sheet.scale("slip", np.concatenate(list(slips.values())), "m")
+    x_scale = sheet.scale("x", max(map(_surface.extent, surfaces.values())), "m")
+    norm = Normalize(0, max(*(slip.max() / size for slip in slips.values()), 1e-300))
+    axes = _surface.panels(sheet, surfaces)
+    known = np.concatenate([data["rupture_time"].values for data in surfaces.values()])
+    known, step = known[np.isfinite(known)], 0.0
     said = "No point has ruptured."
     if len(known) and np.ptp(known) > 0:
         step = _step(float(np.ptp(known)))
-        levels = step * np.arange(np.ceil(known.min() / step), np.floor(known.max() / step) + 1)
         t_size, t_unit = (1.0, "s") if step >= 0.01 else scale(step, "s")
-        _surface.contours(ax, data, times / t_size, levels / t_size, lengths=x_scale)
+        levels = step * np.arange(np.ceil(known.min() / step), np.floor(known.max() / step) + 1)
+        largest = _surface.largest_difference(surfaces.values(), step)
         said = f"Contours: rupture time, every {step / t_size:g} {t_unit}, labels in {t_unit}."
-    _surface.label(ax, data, lengths=x_scale)
-    _surface.window(ax, x, x_scale, sheet.name)
+    for ((_, column), ax), (name, data) in zip(np.ndenumerate(axes), surfaces.items(), strict=True):
+        drawn = _surface.draw(ax, data, slips[name] / size, norm, RATE_MAP, x_scale)
+        if step:
+            times = data["rupture_time"].values / t_size
+            _surface.contours(ax, data, times, levels / t_size, lengths=x_scale, largest=largest / t_size)
+        _surface.label(ax, data, column == 0, lengths=x_scale)
+        _surface.window(ax, x, x_scale, sheet.name)
+        if len(record.interfaces) > 1:
+            ax.set_title(name, loc="right")
+    shrink = min(1.0, 2 * _surface.height_in_line(surfaces.values()) / _surface.DRAWN + 0.2) if len(axes) == 1 else 0.7
+    sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"Slip ({unit})", shrink=shrink)
+    sheet.letter(axes)
     sheet.remark(said)
 
 

@@ -1,8 +1,8 @@
-"""Figure of the slip rate on a surface at several times."""
+"""Figure of the slip rate on surfaces at several times."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -31,53 +31,67 @@ def slip_rate_maps(
     record: Files,
     *,
     at: float | Sequence[float] | None = None,
+    fault: str | Sequence[str] | None = None,
     x: Window | None = None,
     field: str = "slip_rate",
 ) -> None:
-    """Draw the slip rate, or another field, on the surface at several times, with one scale of colours.
+    """Draw the slip rate, or another field, on every surface at several times, with one scale of colours.
 
     Parameters
     ----------
     at
         Times [s]; the nearest saved ones are drawn. Default: six while the rupture runs.
+    fault : str or sequence of str, optional
+        Names of surfaces. Default: all.
     field : str
         Tangential field, of which the magnitude is drawn: "slip_rate", "slip", "shear_traction".
     """
-    data = record.interface
-    known = [name.removesuffix("_1") for name in map(str, data) if name.endswith("_1")]
+    surfaces = _surface.selected(sheet, record, fault)
+    first = next(iter(surfaces.values()))
+    known = [name.removesuffix("_1") for name in map(str, first) if name.endswith("_1")]
     if field not in known:
         raise RuptfxError(f"plots.slip_rate_maps: field = '{field}': {nearest_name(str(field), known)}")
-    saved = data["time"].values
-    wanted = _while_it_runs(data)[-1:] if sheet.is_given else _while_it_runs(data)
+    saved = first["time"].values
+    wanted = _while_it_runs(surfaces)[-1:] if sheet.is_given else _while_it_runs(surfaces)
     rows = np.unique(chosen(saved, at, nearest(saved, wanted)))
-    values = np.array([magnitude_of(data, field, int(row)) for row in rows])
-    size, unit = sheet.scale(field, values, str(data[f"{field}_1"].attrs.get("units", UNITS.get(field, "1"))))
-    high = float(np.quantile(values, 0.999)) or 1.0
-    ratio = np.ptp(data["dip"].values) / max(np.ptp(data["position"].values), 1e-300)
-    columns = min(COLUMNS, len(rows))
-    lines = -(-len(rows) // columns)
-    height = float(np.clip(0.6 + lines * (0.35 + 2.7 * ratio), 2.0, 8.5))
-    sheet.one_of("choose one time with at = 3.0")
-    axes = sheet.panels(lines, columns, height, sharex=True, sharey=True)
+    values = {name: [magnitude_of(data, field, int(row)) for row in rows] for name, data in surfaces.items()}
+    all_values = np.concatenate([each for of_times in values.values() for each in of_times])
+    size, unit = sheet.scale(field, all_values, str(first[f"{field}_1"].attrs.get("units", UNITS.get(field, "1"))))
+    high = float(np.quantile(all_values, 0.999)) or 1.0
+    # Maps of one time are next to each other, and those of two times where they stay high enough.
+    height = _surface.height_in_line(surfaces.values()) / COLUMNS
+    across = min(COLUMNS if len(surfaces) == 1 or height >= _surface.LOWEST else 1, len(rows))
+    lines = -(-len(rows) // across)
+    ratios = [_surface.size_of(data)[0] for data in surfaces.values()] * across
+    tall = float(np.clip(0.6 + lines * (0.35 + COLUMNS * height / across), 2.0, 8.5))
+    several = "" if len(surfaces) == 1 else f" and a fault with fault = {', '.join(map(repr, surfaces))}"
+    sheet.one_of(f"choose one time with at = 3.0{several}")
+    shared = {"sharex": len(surfaces) == 1, "sharey": len(surfaces) == 1}
+    axes = sheet.panels(lines, len(ratios), tall, width_ratios=ratios, **shared)
     t_size, t_unit = sheet.scale("time", float(saved.max()), "s")
-    x_scale = sheet.scale("x", _surface.extent(data), "m")
-    for number, (row, each) in enumerate(zip(rows, values, strict=True)):
-        ax = axes.flat[number]
-        drawn = _surface.draw(ax, data, each / size, Normalize(0, high / size), RATE_MAP, x_scale)
-        ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
-        _surface.label(ax, data, number % columns == 0, number >= len(rows) - columns, x_scale)
+    x_scale = sheet.scale("x", max(map(_surface.extent, surfaces.values())), "m")
+    panels = [(row, name, number) for number, row in enumerate(rows) for name in surfaces]
+    for index, (row, name, number) in enumerate(panels):
+        ax, data = axes.flat[index], surfaces[name]
+        each = values[name][number] / size
+        drawn = _surface.draw(ax, data, each, Normalize(0, high / size), RATE_MAP, x_scale)
+        time = f"{saved[row] / t_size:.3g} {t_unit}"
+        ax.set_title(f"{name}\n{time}" if len(record.interfaces) > 1 else time, loc="right")
+        below = index >= len(panels) - len(ratios)
+        _surface.label(ax, data, index % len(ratios) == 0, below, x_scale)
         _surface.window(ax, x, x_scale, sheet.name)
-    for ax in axes.flat[len(rows) :]:
+    for ax in axes.flat[len(panels) :]:
         ax.set_visible(False)
     label = field.replace("_", " ").capitalize()
     sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"{label} ({unit})", shrink=0.7)
-    sheet.letter(axes.ravel()[: len(rows)])
-    said = f"Colours end at {high / size:.3g} {unit}; the largest value is {values.max() / size:.3g}."
-    sheet.remark(said if values.max() > high else "")
+    sheet.letter(axes.ravel()[: len(panels)])
+    said = f"Colours end at {high / size:.3g} {unit}; the largest value is {all_values.max() / size:.3g}."
+    sheet.remark(said if all_values.max() > high else "")
 
 
-def _while_it_runs(data: Data) -> Array:
+def _while_it_runs(surfaces: Mapping[str, Data]) -> Array:
     """Return six times between the first and the last rupture of a point, or of the whole run without one [s]."""
-    arrival, saved = data["rupture_time"].values, data["time"].values
+    arrival = np.concatenate([data["rupture_time"].values for data in surfaces.values()])
+    saved = next(iter(surfaces.values()))["time"].values
     ends = arrival[np.isfinite(arrival)] if np.isfinite(arrival).any() else saved
     return np.linspace(ends.min(), ends.max(), 7)[1:]

@@ -27,7 +27,7 @@ UNIT = re.compile(rf"\(({QUANTITY}([/ ]{QUANTITY})*|%[^)]*|°C?)\)|{WORDS}", re.
 def write(path, kind):
     """A run directory of a kind that figures have to cope with."""
     if kind in SURFACES:
-        return synthetic.write_surface_run(path, structured=SURFACES[kind])
+        return synthetic.write_surface_run(path, structured=kind != "scattered surface", branch=kind == "two surfaces")
     crack = synthetic.crack(TIME, POSITION)
     if kind == "slow and fast":  # two ruptures of 60 us, loaded for 10 s each
         rest = np.full((20, len(POSITION)), 1e-9)
@@ -48,7 +48,7 @@ def write(path, kind):
 
 
 SAVED = {"killed at once": 1, "killed early": 2}
-SURFACES = {"surface": True, "scattered surface": False}
+SURFACES = ["surface", "scattered surface", "two surfaces"]
 BROKEN = {"broken": 2, "not broken": 0, "crushed": 120}
 KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane", "slides far", *BROKEN, *SURFACES]
 

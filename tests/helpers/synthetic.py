@@ -244,32 +244,49 @@ def _write_energy(path: Path, time: Array) -> None:
 SURFACE = 40e3, 20e3  # m
 
 
-def write_surface_run(path: Path, speed: float = 2500.0, count: int = 41, structured: bool = True) -> Path:
+def write_surface_run(
+    path: Path, speed: float = 2500.0, count: int = 41, structured: bool = True, branch: bool = False
+) -> Path:
     """Write the run of a circular rupture that leaves the middle of a surface at a speed; slip rate is 1 m/s behind it.
 
-    Slip is the slip rate times the time since the front, and the shear modulus 32 GPa.
+    Slip is the slip rate times the time since the front, and the shear modulus 32 GPa. A branch is a second surface,
+    half as long, whose middle ruptures 1 s later and with twice the slip rate.
     """
     path.mkdir(parents=True)
     grid = {"kind": "receiver_grid", "name": "ground", "corner": [-2e4, -1e4, 0.0], "opposite": [2e4, 1e4, 0.0],
             "spacing": 2e3, "interval": 0.5}  # fmt: skip
     case = {"title": "Surface", "plane": "solid", "duration": 10.0, "instruments": [grid]}
-    (path / "case.toml").write_text(tomli_w.dumps(case))
     (path / "run.log").write_text("synthetic\n")
     time = np.linspace(0.0, 10.0, count)
     _write_grid(path / "instruments.h5", speed)
-    x, y = np.linspace(-0.5, 0.5, 81) * SURFACE[0], np.linspace(0, 1, 41) * SURFACE[1]
+    if branch:
+        case["faults"] = {"main": {}, "branch": {}}
+        _write_surface(path / "interface_branch.h5", time, speed, structured, "branch", 0.5, 1.0, 2.0)
+    _write_surface(path / f"interface{'_main' * branch}.h5", time, speed, structured)
+    (path / "case.toml").write_text(tomli_w.dumps(case))
+    _write_energy(path / "energy.csv", time)
+    (path / "summary.json").write_text("{}")
+    return path
+
+
+def _write_surface(
+    path: Path, time: Array, speed: float, structured: bool, name: str = "main", length: float = 1.0,
+    begin: float = 0.0, slip_rate: float = 1.0,
+) -> None:  # fmt: skip
+    """Write the fields of a surface that a circular front crosses; its length is a share of `SURFACE`."""
+    x, y = np.linspace(-0.5, 0.5, 81) * length * SURFACE[0], np.linspace(0, 1, 41) * SURFACE[1]
     strike, dip = (values.ravel() for values in np.meshgrid(x, y, indexing="ij"))
     ends = (np.where(np.isin(each, each[[0, -1]]), 0.5, 1.0) for each in (x, y))
-    share = 500.0**2 * np.outer(*ends).ravel()
+    share = (x[1] - x[0]) * 500.0 * np.outer(*ends).ravel()
     if not structured:
         keep = np.arange(len(strike)) % 7 > 0
         strike, dip, share = strike[keep], dip[keep], share[keep]
-    arrival = np.hypot(strike, dip - 0.5 * SURFACE[1]) / speed
-    slip = np.maximum(time[:, None] - arrival, 0.0)
-    rate = (slip > 0).astype(float)
+    arrival = begin + np.hypot(strike, dip - 0.5 * SURFACE[1]) / speed
+    slip = slip_rate * np.maximum(time[:, None] - arrival, 0.0)
+    rate = slip_rate * (slip > 0)
     fields = {
         "slip_1": slip, "slip_2": 0 * slip, "slip_rate_1": rate, "slip_rate_2": 0 * slip,
-        "shear_traction_1": 70e6 - 7e6 * rate, "shear_traction_2": 0 * slip, "normal_stress": 120e6 + 0 * slip,
+        "shear_traction_1": 70e6 - 7e6 * (slip > 0), "shear_traction_2": 0 * slip, "normal_stress": 120e6 + 0 * slip,
         "opening": 0 * slip,
     }  # fmt: skip
     of_points = {"position": strike, "dip": dip, "x": strike, "y": 0 * dip, "z": -dip, "area": share,
@@ -277,14 +294,11 @@ def write_surface_run(path: Path, speed: float = 2500.0, count: int = 41, struct
     data = xarray.Dataset(
         {name: (("time", "point"), values) for name, values in fields.items()}
         | {name: ("point", values) for name, values in of_points.items()}, {"time": ("time", time)},
-        attrs={"fault": "main", "plane": "solid", "position_measure": "x", "c_p": 6000.0, "c_s": 3464.0, "c_R": 3185.0,
+        attrs={"fault": name, "plane": "solid", "position_measure": "x", "c_p": 6000.0, "c_s": 3464.0, "c_R": 3185.0,
                "c_p_of_bodies": [6000.0, 6000.0], "c_s_of_bodies": [3464.0, 3464.0], "bodies": ["plus", "minus"],
                "shear_modulus_of_bodies": [32e9, 32e9], "V_imp": 0.0, "rupture_threshold": 1e-3},
     )  # fmt: skip
-    data.to_netcdf(path / "interface.h5", engine="h5netcdf")
-    _write_energy(path / "energy.csv", time)
-    (path / "summary.json").write_text("{}")
-    return path
+    data.to_netcdf(path, engine="h5netcdf")
 
 
 def _write_grid(path: Path, speed: float) -> None:

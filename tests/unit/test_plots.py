@@ -495,3 +495,58 @@ def test_white_is_said(tmp_path):
         assert len(plots.snapshots(record, at=0.0).figure.axes) == 2  # one time is no reason to leave the rate out
         # 6 MPa everywhere: a sentence instead of a column.
         assert "normal stress is 6 MPa everywhere" in remarks(drawn) and len(drawn.axes) % 2 == 0
+
+
+@pytest.fixture
+def branched(tmp_path):
+    with Record(synthetic.write_surface_run(tmp_path / "run", branch=True)) as record:
+        yield record
+
+
+def test_every_surface_has_a_panel_with_the_same_colours(branched):
+    """The slip of the fault is at most 10 s at 1 m/s, that of the branch 9 s at 2 m/s."""
+    axes = plots.rupture_map(branched)
+    assert [ax.get_title(loc="right") for ax in axes.flat] == ["main", "branch"]
+    meshes = [next(item for item in ax.collections if item.get_array() is not None) for ax in axes.flat]
+    assert [mesh.get_array().max() for mesh in meshes] == pytest.approx([10.0, 18.0])
+    assert [mesh.get_clim() for mesh in meshes] == [pytest.approx((0.0, 18.0))] * 2
+    axes = plots.slip_rate_maps(branched, at=[2.0, 9.0])
+    assert [ax.get_title(loc="right") for ax in axes.flat] == ["main\n2 s", "branch\n2 s", "main\n9 s", "branch\n9 s"]
+    meshes = [ax.collections[0] for ax in axes.flat]
+    assert [mesh.get_array().max() for mesh in meshes] == [1.0, 2.0, 1.0, 2.0]
+    assert len({mesh.get_clim() for mesh in meshes}) == 1
+
+
+@pytest.mark.parametrize("name", ["rupture_map", "slip_rate_maps"])
+def test_a_surface_is_chosen_by_its_name(branched, name):
+    ax = plots.FIGURES[name](branched, Figure().add_subplot(), fault="branch")
+    assert ax.get_xlim() == (-10.0, 10.0) and ax.get_title(loc="right").startswith("branch")
+    with pytest.raises(RuptfxError, match=rf"plots\.{name}: 2 panels .*fault = 'main', 'branch'"):
+        plots.FIGURES[name](branched, Figure().add_subplot())
+    with pytest.raises(RuptfxError, match=rf"plots\.{name}: fault = 'brunch': .*branch"):
+        plots.FIGURES[name](branched, fault="brunch")
+
+
+def test_long_surfaces_are_below_each_other(branched):
+    """Side by side, two surfaces 6 and 3 times as long as deep would be less than an inch high."""
+    assert plots.rupture_map(branched).shape == (1, 2)
+    for data in branched.interfaces.values():
+        data["position"].values[:] *= 3
+    axes = plots.rupture_map(branched)
+    axes[0, 0].figure.draw_without_rendering()
+    assert axes.shape == (2, 1)
+    assert axes[0, 0].get_window_extent().y0 > axes[1, 0].get_window_extent().y1
+
+
+@pytest.mark.parametrize("structured", [True, False])
+def test_contours_of_rupture_time_end_where_the_front_dies(tmp_path, structured):
+    """Beyond x = 8 km every point ruptures at a time of its own, and beyond 14 km none does."""
+    with Record(synthetic.write_surface_run(tmp_path / "run", structured=structured)) as record:
+        x, times = record.interface["position"].values, record.interface["rupture_time"].values
+        times[x > 8e3] = 5.0 + 4.0 * np.random.default_rng(1).random((x > 8e3).sum())
+        times[x > 14e3] = np.nan
+        lines = plots.rupture_map(record).collections[1]
+        drawn = np.concatenate([path.vertices for path in lines.get_paths() if len(path.vertices)])
+    assert drawn[:, 0].min() < -15 and drawn[:, 1].min() < 1  # km: where the front is a circle
+    inside = drawn[drawn[:, 0] > 9.0]
+    assert len(inside) == 0
