@@ -165,11 +165,11 @@ def test_the_bandwidth_of_an_instrument_is_that_of_its_filter(bandwidth: float) 
     with twice the time constant. Steps of a 100th of the period lose (2 pi / 100)^2 / 12 = 3e-4 of the input."""
     table = {"kind": "receiver", "interval": 2e-7, "point": [5.3e-3, 2.2e-3], "fields": ["velocity"]}
     filtered = case({"order": 2, "instruments": [{**table, "name": "a", "bandwidth": bandwidth}]})
-    train = Samples(Model(filtered), 1e-8, unstressed)._trains["velocity"]
+    buffer = Samples(Model(filtered), 1e-8, unstressed)._buffers["velocity"]
     found, phase = [], 2 * np.pi * np.arange(800) / 100
     for number, angle in enumerate(phase):
-        train.advance(number * 0.01 / bandwidth, np.full(2, np.sin(angle)))
-        found.append(train.smooth.copy())
+        buffer.advance(number * 0.01 / bandwidth, np.full(2, np.sin(angle)))
+        found.append(buffer.smooth.copy())
     # The last two periods, after 6 of them: what is left of the start is exp(-2 pi 6).
     assert np.abs(found[-200:]).max(axis=0) == pytest.approx([np.sqrt(0.5)] * 2, rel=1e-3)
 
