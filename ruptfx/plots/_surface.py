@@ -12,6 +12,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.contour import ContourSet
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from ruptfx import RuptfxError
@@ -25,8 +26,9 @@ Lengths = tuple[float, str]
 """Size and name of the unit of lengths."""
 
 DRAWN, AROUND = 5.6, 0.9  # inch: width of the maps of a line, height of title and labels
-LOWEST = 1.2  # inch, height of maps side by side; lower ones are drawn below each other
+LOWEST = 0.95  # inch, height of a map: that of the label of its axis
 SLOW = 3.0  # times the median difference of the rupture times of neighbours
+TICKS = 6  # intervals down dip, at most
 SHORT = 6.0  # mean distances of points
 
 
@@ -57,25 +59,37 @@ def height_in_line(surfaces: Iterable[Data]) -> float:
     return DRAWN * max(high for _, high in sizes) / sum(wide for wide, _ in sizes)
 
 
-def panels(sheet: Sheet, surfaces: Mapping[str, Data]) -> Array:
-    """Return a panel for each surface, shape (rows, columns).
+def stretch_of(height: float) -> float:
+    """Return by how much a map of a height [inch] is stretched down dip, so that its axis has room for a label."""
+    return max(1.0, LOWEST / max(height, 1e-3 * LOWEST))
 
-    They are side by side, at one scale of lengths, or below each other if such maps would be low.
+
+def stretched(stretch: float) -> str:
+    """Return the remark on a stretched map; empty for equal scales."""
+    return f"Down dip stretched {stretch:.2g} times." if stretch > 1 else ""
+
+
+def panels(sheet: Sheet, surfaces: Mapping[str, Data]) -> tuple[Array, float]:
+    """Return a panel for each surface, shape (rows, columns), and by how much maps are stretched down dip.
+
+    Panels are side by side, at one scale of lengths, or below each other if such maps would be low.
     """
-    of = list(surfaces.values())
-    if (height := height_in_line(of)) >= LOWEST or len(of) == 1:
-        ratios = [size_of(data)[0] for data in of]
-        return sheet.panels(1, len(of), float(np.clip(AROUND + height, 1.8, 6.5)), width_ratios=ratios)
-    heights = [size_of(data)[1] for data in of]
-    height = DRAWN * sum(heights) / max(size_of(data)[0] for data in of)
-    ratios = heights if min(heights) > 0 else [1.0] * len(of)
-    return sheet.panels(len(of), 1, float(np.clip(AROUND * len(of) + height, 1.8, 8.5)), height_ratios=ratios)
+    sizes = [size_of(data) for data in surfaces.values()]
+    height = height_in_line(surfaces.values())
+    if height >= LOWEST or len(sizes) == 1:
+        stretch, ratios = stretch_of(height), [wide for wide, _ in sizes]
+        return sheet.panels(1, len(sizes), min(AROUND + stretch * height, 6.5), width_ratios=ratios), stretch
+    heights = [DRAWN * high / max(wide for wide, _ in sizes) for _, high in sizes]
+    stretch = stretch_of(min(heights))
+    room = [AROUND + stretch * each for each in heights]
+    return sheet.panels(len(sizes), 1, min(sum(room), 8.5), height_ratios=room), stretch
 
 
 def draw(
-    ax: Axes, data: Data, values: Array, norm: Normalize, colours: Colormap, lengths: Lengths | None = None
-) -> QuadMesh | TriMesh:
-    """Draw values at the points of a surface as colours."""
+    ax: Axes, data: Data, values: Array, norm: Normalize, colours: Colormap, lengths: Lengths | None = None,
+    stretch: float = 1.0,
+) -> QuadMesh | TriMesh:  # fmt: skip
+    """Draw values at the points of a surface as colours; its scale down dip may be stretched."""
     size, _ = lengths or axis_scale(data)
     strike, dip = data["position"].values / size, data["dip"].values / size
     positions = grid(data)
@@ -86,7 +100,9 @@ def draw(
         s, d = (each / size for each in positions)
         table = values.reshape(len(s), len(d)).T
         drawn = ax.pcolormesh(s, d, table, norm=norm, cmap=colours, shading="gouraud", rasterized=True)
-    ax.set(aspect="equal", xlim=(strike.min(), strike.max()), ylim=(dip.max(), dip.min()))
+    # Ticks that do not depend on the height of the map: it changes after the layout has made room for their labels.
+    ax.yaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 5, 10]))
+    ax.set(aspect=stretch, xlim=(strike.min(), strike.max()), ylim=(dip.max(), dip.min()))
     return drawn
 
 

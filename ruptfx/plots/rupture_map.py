@@ -46,7 +46,7 @@ def rupture_map(
     size, unit = sheet.scale("slip", np.concatenate(list(slips.values())), "m")
     x_scale = sheet.scale("x", max(map(_surface.extent, surfaces.values())), "m")
     norm = Normalize(0, max(*(slip.max() / size for slip in slips.values()), 1e-300))
-    axes = _surface.panels(sheet, surfaces)
+    axes, stretch = _surface.panels(sheet, surfaces)
     known = np.concatenate([data["rupture_time"].values for data in surfaces.values()])
     known, step = known[np.isfinite(known)], 0.0
     said = "No point has ruptured."
@@ -57,7 +57,7 @@ def rupture_map(
         largest = _surface.largest_difference(surfaces.values(), step)
         said = f"Contours: rupture time, every {step / t_size:g} {t_unit}, labels in {t_unit}."
     for ((_, column), ax), (name, data) in zip(np.ndenumerate(axes), surfaces.items(), strict=True):
-        drawn = _surface.draw(ax, data, slips[name] / size, norm, RATE_MAP, x_scale)
+        drawn = _surface.draw(ax, data, slips[name] / size, norm, RATE_MAP, x_scale, stretch)
         if step:
             times = data["rupture_time"].values / t_size
             _surface.contours(ax, data, times, levels / t_size, lengths=x_scale, largest=largest / t_size)
@@ -65,10 +65,9 @@ def rupture_map(
         _surface.window(ax, x, x_scale, sheet.name)
         if len(record.interfaces) > 1:
             ax.set_title(name, loc="right")
-    shrink = min(1.0, 2 * _surface.height_in_line(surfaces.values()) / _surface.DRAWN + 0.2) if len(axes) == 1 else 0.7
-    sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"Slip ({unit})", shrink=shrink)
+    sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"Slip ({unit})", shrink=0.7 if len(axes) > 1 else 1.0)
     sheet.letter(axes)
-    sheet.remark(said)
+    sheet.remark(said, _surface.stretched(stretch))
 
 
 def _step(span: float) -> float:

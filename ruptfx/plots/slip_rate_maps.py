@@ -59,11 +59,11 @@ def slip_rate_maps(
     size, unit = sheet.scale(field, all_values, str(first[f"{field}_1"].attrs.get("units", UNITS.get(field, "1"))))
     high = float(np.quantile(all_values, 0.999)) or 1.0
     # Maps of one time are next to each other, and those of two times where they stay high enough.
-    height = _surface.height_in_line(surfaces.values()) / COLUMNS
-    across = min(COLUMNS if len(surfaces) == 1 or height >= _surface.LOWEST else 1, len(rows))
-    lines = -(-len(rows) // across)
+    height = _surface.height_in_line(surfaces.values())
+    across = min(COLUMNS if height / COLUMNS >= _surface.LOWEST else 1, len(rows))
+    stretch, lines = _surface.stretch_of(height / across), -(-len(rows) // across)
     ratios = [_surface.size_of(data)[0] for data in surfaces.values()] * across
-    tall = float(np.clip(0.6 + lines * (0.35 + COLUMNS * height / across), 2.0, 8.5))
+    tall = float(np.clip(0.6 + lines * (0.35 + stretch * height / across), 2.0, 8.5))
     several = "" if len(surfaces) == 1 else f" and a fault with fault = {', '.join(map(repr, surfaces))}"
     sheet.one_of(f"choose one time with at = 3.0{several}")
     shared = {"sharex": len(surfaces) == 1, "sharey": len(surfaces) == 1}
@@ -74,7 +74,7 @@ def slip_rate_maps(
     for index, (row, name, number) in enumerate(panels):
         ax, data = axes.flat[index], surfaces[name]
         each = values[name][number] / size
-        drawn = _surface.draw(ax, data, each, Normalize(0, high / size), RATE_MAP, x_scale)
+        drawn = _surface.draw(ax, data, each, Normalize(0, high / size), RATE_MAP, x_scale, stretch)
         time = f"{saved[row] / t_size:.3g} {t_unit}"
         ax.set_title(f"{name}\n{time}" if len(record.interfaces) > 1 else time, loc="right")
         below = index >= len(panels) - len(ratios)
@@ -86,7 +86,7 @@ def slip_rate_maps(
     sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"{label} ({unit})", shrink=0.7)
     sheet.letter(axes.ravel()[: len(panels)])
     said = f"Colours end at {high / size:.3g} {unit}; the largest value is {all_values.max() / size:.3g}."
-    sheet.remark(said if all_values.max() > high else "")
+    sheet.remark(said if all_values.max() > high else "", _surface.stretched(stretch))
 
 
 def _while_it_runs(surfaces: Mapping[str, Data]) -> Array:

@@ -550,3 +550,18 @@ def test_contours_of_rupture_time_end_where_the_front_dies(tmp_path, structured)
     assert drawn[:, 0].min() < -15 and drawn[:, 1].min() < 1  # km: where the front is a circle
     inside = drawn[drawn[:, 0] > 9.0]
     assert len(inside) == 0
+
+
+@pytest.mark.parametrize("name", ["rupture_map", "slip_rate_maps"])
+def test_maps_of_a_plate_are_stretched_until_their_labels_fit(tmp_path, name):
+    """40 km by 1 km: at one scale a map of 5.6 inch would be 0.14 inch high."""
+    with Record(synthetic.write_surface_run(tmp_path / "run")) as record:
+        record.interface["dip"].values[:] /= 20
+        axes = plots.FIGURES[name](record)
+        figure = plots.figure_of(axes)
+        figure.draw_without_rendering()
+        for ax in np.atleast_1d(axes).flat:
+            assert ax.yaxis.label.get_window_extent().height <= 1.02 * ax.get_window_extent().height
+        assert "Down dip stretched 6.8 times." in remarks(figure)
+    with Record(synthetic.write_surface_run(tmp_path / "equal")) as record:
+        assert "stretched" not in remarks(plots.figure_of(plots.FIGURES[name](record)))
