@@ -66,7 +66,7 @@ class Model(System):
         bodies = distribute(world, case.mesh, self._tied_edges(), sliding, broken)
         if broken and bodies.mesh.basix_cell().name != "triangle":
             found = bodies.mesh.basix_cell().name
-            raise CaseError(f"fracture: bodies break along triangles, and this mesh has {found}s")
+            raise CaseError(f"fracture: bodies break along triangles, this mesh has {found}s; give one of triangles")
         if not broken and (len(bodies.open_facets) or bodies.joints):
             raise CaseError(
                 "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"

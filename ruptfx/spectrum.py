@@ -197,7 +197,10 @@ def _lanczos(model: Vibrating, springs: Sequence[Springs]) -> float:
         w /= beta
         before, vector, w = vector, w, before
     if not np.isfinite(diagonal[-1]) or highest <= 0:
-        raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
+        raise RuptfxError(
+            "the highest frequency could not be found; look for elements without area, and for moduli or densities "
+            "that are zero"
+        )
     if not converged:
         raise RuptfxError(
             f"the highest frequency was not found in {MOST_ITERATIONS} iterations (the last ten changed its square by "

@@ -46,7 +46,7 @@ def body_stress(record: Files, time: float, body: str = "") -> tuple[float, dict
     if "stress" not in bulk or bulk["points"].shape[1] != 2 or bulk["stress"].shape[-1] != 3:
         raise RuptfxError(f"{record.path}: no stresses of a plane were saved; add 'stress' to output.bulk_fields")
     if not bulk.sizes["time"]:
-        raise RuptfxError(f"{record.path}: no snapshot was saved")
+        raise RuptfxError(f"{record.path}: no snapshot of the bodies was saved; give output.bulk_interval")
     names = [str(name) for name in np.atleast_1d(bulk.attrs.get("bodies", []))]
     if body and body not in names:
         raise RuptfxError(f"body = {body}: no such body, there are {', '.join(names)}")

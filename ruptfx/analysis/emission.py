@@ -158,7 +158,7 @@ def b_value(magnitudes: Array, completeness: float | None = None, bin: float = 0
     steps = steps[np.isfinite(steps)]
     if completeness is None:
         if not len(steps):
-            raise RuptfxError("no b-value of no events")
+            raise RuptfxError("b-value: the catalogue has no events; lower the smallest size, or take a longer window")
         values, counts = np.unique(steps, return_counts=True)
         first = values[np.argmax(counts)]
     else:
@@ -313,14 +313,16 @@ def omori(time_to_failure: Array, longest: float | None = None) -> Omori:
     best = min((minimize(unlikely, start, bounds=bounds, method="L-BFGS-B") for start in starts), key=lambda r: r.fun)
     p, log_c = best.x
     if not bounds[0][0] < p < bounds[0][1] or log_c >= bounds[1][1] - 1e-6:
-        raise RuptfxError(f"the rate of these {n} events does not rise towards the failure as (t + c)^-p")
+        raise RuptfxError(f"the rate of these {n} events does not rise towards the failure as (t + c)^-p; "
+            "take a window that ends at the failure"
+        )
     c = float(np.exp(log_c))
     if log_c > bounds[1][0] + 1e-3:
         variance = np.linalg.inv(_hessian(unlikely, best.x))[0, 0]
     else:  # c is not distinguishable from zero
         variance = 1 / _hessian(lambda only: unlikely(np.array([only[0], log_c])), best.x[:1])[0, 0]
     if not variance > 0:
-        raise RuptfxError(f"the likelihood of an Omori law has no maximum for these {n} events")
+        raise RuptfxError(f"the likelihood of an Omori law has no maximum for these {n} events; take a longer window")
     return Omori(float(p), float(np.sqrt(variance)), c * end, n / area(p, c) * end ** (p - 1))
 
 

@@ -167,12 +167,18 @@ def breakdown(time: Array, traction: Array, slip: Array, residual: float | None 
     size, way = np.abs(traction), np.abs(slip - slip[0])
     peak = int(np.argmax(size))
     if not way[-1] > 0 or peak == len(size) - 1:
-        raise RuptfxError("breakdown: the traction did not fall: the front did not pass the point in this time")
+        raise RuptfxError(
+            "breakdown: the traction did not fall: the front did not pass the point in this time; choose a point "
+            "nearer to where it began, or a longer run"
+        )
     least = float(size[peak:].min()) if residual is None else residual
     # The residual counts as reached within 1 % of the drop: some laws approach it asymptotically.
     down = size[peak:] <= least + 0.01 * (size[peak] - least)
     if not down.any():
-        raise RuptfxError(f"breakdown: the traction fell to {size[peak:].min():.6g} Pa, not to {least:.6g} Pa")
+        raise RuptfxError(
+            f"breakdown: the traction fell to {size[peak:].min():.6g} Pa, not to residual = {least:.6g} Pa; leave "
+            "residual out, or take a longer run"
+        )
     end = peak + int(np.argmax(down)) + 1
     above = np.maximum(size[:end] - least, 0.0)
     energy = float(0.5 * (above[1:] + above[:-1]) @ np.diff(way[:end]))

@@ -191,7 +191,7 @@ def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]
     if direction not in (1, -1):
         raise RuptfxError(f"front_fit: direction = {direction}: must be 1 or -1")
     if not traces:
-        raise RuptfxError("front_fit: no trace was given")
+        raise RuptfxError("front_fit: no trace was given; give one Trace per gauge")
     position = float(np.mean([trace.x for trace in traces]))
     columns: list[list[Array]] = [[], [], [], [], [], []]
     for number, trace in enumerate(traces, 1):
@@ -224,7 +224,7 @@ def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]
             columns[5].append(number * full)
     x, y, when, which, value, gauge = (np.concatenate(column) for column in columns)
     if np.ptp(value) == 0:
-        raise RuptfxError("front_fit: the traces are constant: no front passed")
+        raise RuptfxError("front_fit: the traces are constant: no front passed; take a window in which it does")
     return _Samples(x, y, when, which.astype(np.int64), value, gauge), position
 
 
@@ -360,7 +360,7 @@ def _judged(solution: _Solution, samples: _Samples, medium: Medium, position: fl
     if not first < passage < last:
         raise RuptfxError(
             f"front_fit: the tip would pass at {passage:.6g} s, the traces have {first:.6g} to {last:.6g} s: no front "
-            "passed the gauges in this time"
+            "passed the gauges in this time; take a window in which it does"
         )
     if not 1.01 * SLOWEST < speed / medium.c_R < 0.999 * FASTEST:
         raise RuptfxError(
@@ -371,7 +371,7 @@ def _judged(solution: _Solution, samples: _Samples, medium: Medium, position: fl
     if not explained >= EXPLAINED:
         raise RuptfxError(
             f"front_fit: a front explains {explained:.0%} of the strains, {EXPLAINED:.0%} is the least: too much "
-            "noise, several fronts at once, or none below c_R"
+            "noise, several fronts at once, or none below c_R; take a window with one front"
         )
     independent, by_trace = _covariances(solution, medium)
     energy = A_II(speed, medium.c_p, medium.c_s) * K**2 / medium.modulus

@@ -63,7 +63,9 @@ def displacements(before: Array, after: Array, subset: int) -> tuple[Array, Arra
             f"image correlation: subset = {subset}: must be odd, 5 or more, and fit into the image of {_size(before)}"
         )
     if np.ptp(before) == 0 or np.ptp(after) == 0:
-        raise RuptfxError("image correlation: an image has no contrast: there is nothing to follow")
+        raise RuptfxError(
+            "image correlation: an image has no contrast: there is nothing to follow; give one with speckles"
+        )
     try:
         from skimage.registration import optical_flow_ilk
     except ImportError:
@@ -273,7 +275,7 @@ def experiment(
 
     bulk = record.bulk
     if bulk.sizes.get("component") != 2:
-        raise RuptfxError(f"{record.path}: image correlation is of displacements in a plane")
+        raise RuptfxError(f"{record.path}: image correlation is of displacements in a plane; the run has none")
     points = bulk["points"].values
     pixels = round(float(np.ptp(points, axis=0).max()) / pixel)
     if pixels < 2 * subset:

@@ -178,7 +178,7 @@ def misfit(
         )
     least = inside.sum() / 2
     if not measured[inside].any():
-        raise RuptfxError(f"{what}: the measured signal is zero at all common times")
+        raise RuptfxError(f"{what}: the measured signal is zero at all common times; choose another channel")
 
     def both(shift: float, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Return the measured signal, and the computed one after a shift; empty if too few samples are left."""

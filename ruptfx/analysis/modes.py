@@ -409,7 +409,9 @@ def _away(rate: Array, position: Array, origin: float, threshold: float) -> tupl
         if len(side) >= MIN_POINTS:
             sides.append((side, sign * (position[side] - origin)))
     if not sides:
-        raise RuptfxError(f"modes: fewer than {MIN_POINTS} interface points on either side of {origin} m")
+        raise RuptfxError(
+            f"modes: fewer than {MIN_POINTS} interface points on either side of origin = {origin:g} m; refine the mesh"
+        )
     return max(sides, key=lambda found: int((rate[:, found[0]] > threshold).any(axis=0).sum()))
 
 

@@ -221,6 +221,7 @@ class Camera:
         if not len(starts):
             raise RuptfxError(
                 f"{record.path}: its snapshots last {np.ptp(times):.3g} s, less than an exposure of {self.exposure:g} s"
+                "; shorten it"
             )
         frames = [
             np.mean([seen(stress) for stress in self._during(record, float(begin), per_stress)], axis=0)

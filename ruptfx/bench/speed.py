@@ -290,7 +290,7 @@ def timed_steps(case: Case, comm: MPI.Comm) -> tuple[Model, Motion, State, float
             motion.step(state)
         times.append((time.process_time() - began) / steps)
     if not np.isfinite(state.velocity).all():
-        raise RuptfxError("bench speed: the motion is not a number")
+        raise RuptfxError("bench speed: the velocities are not finite; report this as an error of ruptfx")
     return model, motion, state, fem.MPI.COMM_WORLD.allreduce(float(np.median(times)), op=fem.MPI.MAX)
 
 

@@ -204,7 +204,7 @@ def check_vector(key: str, value: list[float], components: str) -> None:
     ValueError
     """
     if len(value) != len(components):
-        raise ValueError(f"{key}: {len(components)} components are needed ({components})")
+        raise ValueError(f"{key}: {len(components)} components are needed ({components}), {len(value)} given")
 
 
 if TYPE_CHECKING:

@@ -48,12 +48,15 @@ class Speckles(Camera):
 
         bulk = record.bulk
         if bulk.sizes.get("component") != 2 or bulk.sizes["time"] < 2:
-            raise RuptfxError(f"{record.path}: speckles need two snapshots or more of displacements in a plane")
+            raise RuptfxError(f"{record.path}: speckles need two snapshots or more of displacements in a plane; "
+                "shorten output.bulk_interval"
+            )
         times = bulk["time"].values
         starts = np.arange(times[0], times[-1] - self.exposure * (1 - 1e-9), 1 / self.frame_rate)
         if not len(starts):
             raise RuptfxError(
                 f"{record.path}: its snapshots last {np.ptp(times):.3g} s, less than an exposure of {self.exposure:g} s"
+                "; shorten it"
             )
         frames: list[np.ndarray] = []
         for number, start in enumerate(starts):

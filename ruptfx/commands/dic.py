@@ -74,7 +74,9 @@ def dic(
             data.to_netcdf(out.with_suffix(".nc"), engine="h5netcdf")
             _draw(data, out.with_suffix(".png"))
         except OSError as error:
-            raise RuptfxError(f"{out}: cannot be written: {error}") from None
+            raise RuptfxError(
+                f"{out}: cannot be written ({error}); free space there, or choose another --out"
+            ) from None
         half = subset // 2
         inside = lost[half : rows - half, half : columns - half]
         screen.print(f"lost subsets: {100 * inside.mean():.2g} %, of those that the first picture has whole")
@@ -123,7 +125,7 @@ def _grey(path: Path) -> np.ndarray:
         with Image.open(path) as picture:
             return np.asarray(picture.convert("F"), dtype=float)[::-1]
     except OSError as error:
-        raise RuptfxError(f"{path}: no picture that can be read: {error}") from None
+        raise RuptfxError(f"{path}: no picture that can be read ({error}); give a PNG or TIFF") from None
 
 
 def _draw(data: xarray.Dataset, path: Path) -> None:

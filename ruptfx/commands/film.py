@@ -57,7 +57,9 @@ def film(
             folder.mkdir(parents=True, exist_ok=True)
             _write(frames, chosen, folder, rate)
         except OSError as error:
-            raise RuptfxError(f"{folder}: cannot be written: {error}") from None
+            raise RuptfxError(
+                f"{folder}: cannot be written ({error}); free space there, or choose another --out"
+            ) from None
         screen.print(f"{folder}: {frames.sizes['time']} frames, film.gif and film.nc", soft_wrap=True)
 
 

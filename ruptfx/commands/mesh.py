@@ -33,7 +33,7 @@ def mesh(
         _require_trust(case, trust)
         parsed = read_case(case, set_ or [])
         if not isinstance(parsed, Case):
-            raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no mesh")
+            raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no mesh; give a case with bodies")
         from ruptfx.drawing.mesh_drawing import draw
         from ruptfx.platform.progress import working
 

@@ -345,7 +345,10 @@ class Material(Alternative):
         """
         modulus, direction = np.linalg.eigh(christoffel(tangent_stiffness(self, plane), normal))
         if np.any(modulus <= 0):
-            raise RuptfxError(f"material '{self.kind()}': some plane waves have a modulus of {modulus.min():.4g} Pa")
+            raise RuptfxError(
+                f"material '{self.kind()}': some plane waves have a modulus of {modulus.min():.4g} Pa, which must be "
+                "positive; change its elastic constants"
+            )
         return np.einsum("...ik,...k,...jk->...ij", direction, np.sqrt(self.density * modulus), direction)
 
 

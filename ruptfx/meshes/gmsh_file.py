@@ -193,7 +193,7 @@ def _check_names(file: str, name: str, sides: Sides, named: dict[str, np.ndarray
     if set(plus) & set(minus):
         raise RuptfxError(
             f"{file}: interface '{name}': no body can be on both sides, plus ({', '.join(plus)}) and minus "
-            f"({', '.join(minus)})"
+            f"({', '.join(minus)}); name each in one of them"
         )
 
 
@@ -330,5 +330,5 @@ def _generate(path: Path, folder: Path, trust: bool) -> Path:
         ) from None
     if done.returncode or not mesh.is_file():
         said = done.stderr.strip() or f"it ended with code {done.returncode}"
-        raise RuptfxError(f"{path}: Gmsh could not mesh it: {said}")
+        raise RuptfxError(f"{path}: Gmsh could not mesh it: {said}; open it in Gmsh to see where")
     return mesh

@@ -294,7 +294,7 @@ def save(
     """
     kind = path.suffix.lstrip(".").lower()
     if kind not in FORMATS:
-        raise RuptfxError(f"{path}: a movie is a .gif or an .mp4")
+        raise RuptfxError(f"{path}: '.{kind}' is no format of movies; end the name with .gif or .mp4")
     end = float(record.case.get("duration", 1.0))
 
     def pictures() -> Iterator[Array]:
@@ -306,7 +306,7 @@ def save(
         path.parent.mkdir(parents=True, exist_ok=True)
         return (_gif if kind == "gif" else _mp4)(pictures(), path, rate)
     except OSError as error:
-        raise RuptfxError(f"{path}: cannot be written: {error}") from None
+        raise RuptfxError(f"{path}: cannot be written ({error}); free space there, or choose another place") from None
 
 
 def _gif(pictures: Iterator[Array], path: Path, rate: float) -> int:

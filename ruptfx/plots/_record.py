@@ -99,7 +99,7 @@ def at_positions(data: Data, x: Window | None, title: str) -> Data:
     if len(rows) < 2:
         raise RuptfxError(
             f"plots.{title}: x = ({low}, {high}) has no two points of the interface, which runs from "
-            f"{position.min():g} to {position.max():g} m"
+            f"{position.min():g} to {position.max():g} m; widen x"
         )
     cut: Data = data.isel(position=rows)  # type: ignore[attr-defined]
     return cut

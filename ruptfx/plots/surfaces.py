@@ -58,7 +58,7 @@ def surfaces(
         for end, value in zip(ends, (np.nanmin(across), np.nanmax(across)), strict=True)
     )
     if not ((across >= low) & (across <= high)).any():
-        raise RuptfxError(f"plots.surfaces: x = ({low:g}, {high:g}) has no point of the interface")
+        raise RuptfxError(f"plots.surfaces: x = ({low:g}, {high:g}) has no point of the interface; widen it")
     wanted = sheet.choose(field, PANELS)
     ratios = [{"tractions": 1.0, "surfaces": 0.8}[name] for name in wanted] * len(rows)
     axes = sheet.panels(len(ratios), 1, 0.8 + 0.95 * len(ratios), sharex=True, height_ratios=ratios)[:, 0]

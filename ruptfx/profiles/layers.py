@@ -33,7 +33,8 @@ class Layers(Profile):
     @model_validator(mode="after")
     def _matching(self) -> Layers:
         if len(self.values) != len(self.boundaries) + 1:
-            raise ValueError(f"values: {len(self.boundaries)} boundaries need {len(self.boundaries) + 1} values")
+            needed = len(self.boundaries) + 1
+            raise ValueError(f"values: there are {len(self.values)}, {needed - 1} boundaries need {needed}")
         return self
 
     def __call__(self, position: np.ndarray) -> np.ndarray:

@@ -27,8 +27,10 @@ class RandomClasses(Profile):
 
     @model_validator(mode="after")
     def _matching(self) -> RandomClasses:
-        if len(self.values) != len(self.weights) or sum(self.weights) <= 0:
-            raise ValueError("values and weights need the same length and a positive total weight")
+        if len(self.values) != len(self.weights):
+            raise ValueError(f"weights: there are {len(self.weights)}, each of {len(self.values)} values needs one")
+        if sum(self.weights) <= 0:
+            raise ValueError("weights: all are zero; give at least one that is positive")
         return self
 
     def __call__(self, position: np.ndarray) -> np.ndarray:

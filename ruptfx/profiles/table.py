@@ -50,7 +50,7 @@ class Table(Profile):
     @model_validator(mode="after")
     def _matching(self) -> Table:
         if len(self.values) != len(self.positions):
-            raise ValueError("values and positions need the same length")
+            raise ValueError(f"values: there are {len(self.values)}, each of {len(self.positions)} positions needs one")
         return self
 
     def __call__(self, position: np.ndarray) -> np.ndarray:

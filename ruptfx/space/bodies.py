@@ -247,7 +247,10 @@ def check_orientation(raw: RawMesh) -> None:
     bad = (corners.min(axis=0) <= 0) & (corners.max(axis=0) >= 0)
     if np.any(bad):
         x = raw.points[raw.cells[np.argmax(bad)]].mean(axis=0)
-        raise RuptfxError(f"mesh: {bad.sum()} flat or folded quadrilaterals, the first near ({x[0]:.6g}, {x[1]:.6g}) m")
+        raise RuptfxError(
+            f"mesh: {bad.sum()} flat or folded quadrilaterals, the first near ({x[0]:.6g}, {x[1]:.6g}) m; mesh it "
+            "again with smaller elements there, or with triangles"
+        )
 
 
 def _check_curved(raw: RawMesh) -> None:

@@ -138,7 +138,7 @@ def test_mp4(record, tmp_path):
 
 
 @pytest.mark.parametrize("what,name,message", [
-    ("velocty", "film.gif", "did you mean 'velocity'"), ("velocity", "film.avi", "a movie is a .gif or an .mp4"),
+    ("velocty", "film.gif", "did you mean 'velocity'"), ("velocity", "film.avi", "'.avi' is no format"),
 ])  # fmt: skip
 def test_what_is_refused(what, name, message, record, tmp_path):
     with pytest.raises(RuptfxError, match=facts(message)):

@@ -149,9 +149,9 @@ def test_laws_take_them() -> None:
     [
         ({"kind": "boxcar", "inside": 1.0}, "outside: this key is required and missing"),
         ({**example("gaussian"), "width": 0.0}, "width = 0.0: input should be greater than 0"),
-        ({"kind": "table", "positions": [0.0, 1.0], "values": [1.0]}, "same length"),
+        ({"kind": "table", "positions": [0.0, 1.0], "values": [1.0]}, "values: there are 1, each of 2 positions"),
         ({"kind": "table", "positions": [1.0, 0.0], "values": [1.0, 2.0]}, "positions"),
-        ({**example("random_classes"), "weights": [0.0, 0.0]}, "positive total weight"),
+        ({**example("random_classes"), "weights": [0.0, 0.0]}, "weights: all are zero"),
         ({"kind": "wave"}, "unknown kind 'wave', known: along_axis, along_dip, boxcar, cone"),
         ("0.3", "input should be a valid number"),
     ],

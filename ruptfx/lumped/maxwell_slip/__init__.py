@@ -71,7 +71,7 @@ class MaxwellSlip(LumpedModel):
         # Every block has slipped after a drive displacement of 2 mu_s N_b / k; then the ensemble is periodic.
         needed = self.mu_s / (self.mu_s - self.mu_d) + 1
         if self.periods < needed:
-            raise ValueError(f"periods = {self.periods:g}: all blocks have slipped and repeated after {needed:.3g}")
+            raise ValueError(f"periods = {self.periods:g}: must be at least {needed:.3g}, when all blocks have slipped")
         return self
 
     @property

@@ -250,7 +250,9 @@ def oscillates(slider: Slider, speeds: np.ndarray, periods: float = 12.0) -> np.
             t_eval=np.linspace(0, duration, 400),
         )
     if not solution.success:
-        raise RuptfxError(f"the stability diagram could not be integrated: {solution.message}")
+        raise RuptfxError(
+            f"the stability diagram could not be integrated: {solution.message}; narrow its ranges"
+        )
     away = np.abs(solution.y.reshape(slider.size, count, -1)[1] - slider.steady(speeds)[1][:, None])
     quarter = away.shape[1] // 4
     grows = away[:, -quarter:].max(axis=1) > away[:, quarter : 2 * quarter].max(axis=1)

@@ -94,7 +94,10 @@ class Bifurcation(Experiment):
             raise RuptfxError("mass = 0: beyond K_c a quasi-static slider runs away; give mass (normal_force / 9.81)")
         critical, omega = critical_stiffness(slider, self.speed)
         if not critical:
-            raise RuptfxError(f"the slider is stable at every stiffness at speed = {self.speed:g}")
+            raise RuptfxError(
+                f"the slider is stable at every stiffness at speed = {self.speed:g} m/s; choose a speed at which "
+                "friction weakens"
+            )
         duration, shown = self.periods * 2 * np.pi / omega, 8
         y, before = slider.with_stiffness(critical).steady(self.speed), critical
         y[1] += 0.05
@@ -244,7 +247,7 @@ class ModulatedLoad(Experiment):
 
         found, _, status, message = fsolve(defect, start / scale, full_output=True, xtol=1e-10, epsfcn=1e-10)
         if status != 1 and np.abs(defect(found)).max() > 1e-6:
-            raise RuptfxError(f"no periodic sliding found at load amplitude {eps:g}: {message.strip()}")
+            raise RuptfxError(f"no periodic sliding found at load amplitude {eps:g}: {message.strip()}; lower it")
         return self._cycle(slider, found * scale, eps, self.samples)
 
     def _friction(self, slider: Slider) -> float:
