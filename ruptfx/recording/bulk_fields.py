@@ -280,6 +280,8 @@ class BulkFields:
                 form: Any = 0
                 for index in range(len(model.bulk.materials)):
                     stress = ufl.diff(ufl_form.energy_density(model.bulk, index, variable), variable)
+                    if stress.ufl_shape[1:]:  # an energy may be a formula of one of two equal components
+                        stress = ufl.sym(stress)
                     if large:  # as it is turned with the body; volumes hardly change
                         turn = ufl_form.rotation(self._displacement)
                         stress = turn * stress * turn.T
