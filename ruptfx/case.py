@@ -198,7 +198,7 @@ class Case(CaseFile):
     order: Annotated[int, Field(ge=1, le=8)] = 4
     """Polynomial order of the spectral elements."""
     operator: str = "matrix_free"
-    """Application of the stiffness: `matrix_free` is fastest, for isotropic bodies; `ufl_form` is for all."""
+    """Application of the stiffness: `matrix_free` is fastest, for linear elasticity; `ufl_form` is for all."""
     duration: Duration
     """Simulated time."""
     large_rotations: bool = False

@@ -237,9 +237,8 @@ class Material(Alternative):
     def lame(self, plane: Plane) -> tuple[float, float] | None:
         """Return the Lamé parameters lambda and G [Pa] of a linear isotropic material; None for others.
 
-        In plane stress lambda is the effective one. Code for isotropic bodies only, such as the `matrix_free` operator,
-
-        calls this method.
+        In plane stress lambda is the effective one. Code for isotropic bodies only calls this method; the operator
+        `matrix_free` takes the stiffness of other materials from their energy.
         """
         return None
 

@@ -33,13 +33,34 @@ def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
     RuptfxError
         An energy that depends on more than the strain.
     """
+    return _second_derivative(material, "strain" if plane == "axisymmetric" else plane, 0.0)
+
+
+@lru_cache
+def linear_stiffness(material: Material, plane: Plane) -> np.ndarray:
+    """Return the stiffness of a linear material, as `tangent_stiffness`, for axisymmetric bodies that of 3D [Pa].
+
+    Raises
+    ------
+    RuptfxError
+        A second derivative that differs between strains of zero and of the order of one.
+    """
+    plane = "solid" if plane == "axisymmetric" else plane
+    stiffness = tangent_stiffness(material, plane)
+    strained = _second_derivative(material, plane, 1.0)
+    if not np.allclose(strained, stiffness, rtol=1e-12, atol=1e-12 * np.abs(stiffness).max()):
+        raise RuptfxError(f"material '{material.kind()}': its stiffness varies with the strain")
+    return stiffness
+
+
+def _second_derivative(material: Material, plane: Plane, size: float) -> np.ndarray:
+    """Return the symmetric second derivative of the strain energy density at a strain of some size [Pa]."""
     import ufl
 
-    if plane == "axisymmetric":
-        plane = "strain"
     dim = 3 if plane == "solid" else 2
-    at_rest = np.zeros((dim,) if plane == "antiplane" else (dim, dim))
-    strain = ufl.variable(ufl.as_tensor(at_rest.tolist()))
+    given = size * np.cos(np.arange(dim**2)).reshape(dim, dim)
+    given = given[0] if plane == "antiplane" else 0.5 * (given + given.T)
+    strain = ufl.variable(ufl.as_tensor(given.tolist()))
     try:
         slope = ufl.diff(material.energy_density(strain, plane), strain)
         tangent = ufl.algorithms.expand_derivatives(ufl.diff(slope, strain))
@@ -47,7 +68,7 @@ def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
         values = [float(tangent(origin, component=entry)) for entry in np.ndindex(tangent.ufl_shape)]
         stiffness = np.reshape(values, tangent.ufl_shape)
         if not np.all(np.isfinite(stiffness)):
-            raise ValueError("it must be finite at zero strain")
+            raise ValueError(f"it must be finite at {'zero strain' if size == 0 else f'strains of {size:g}'}")
         _refuse_places(tangent)
     except Exception as error:
         raise RuptfxError(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 from ruptfx.materials import Material, Plane
+from ruptfx.materials._stiffness import linear_stiffness
 from ruptfx.plugins import Plugin, active
 from ruptfx.schema import CaseError, from_outside, kinds, nearest, own_module
 
@@ -54,8 +55,16 @@ class Bulk:
         """Return a material with functions in place of parameters that vary."""
         return self.materials[index] if self.variation is None else self.variation.in_forms(index)
 
-    def lame(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return the Lamé moduli of cells [Pa].
+    @property
+    def isotropic(self) -> bool:
+        """True if all materials are linear and isotropic."""
+        return all(material.lame(self.plane) is not None for material in self.materials)
+
+    def moduli(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the moduli of cells [Pa]: those of Lamé if all bodies are isotropic, else the stiffness.
+
+        The stiffness is given by its rows up to the diagonal, one after the other, with shear strains counted twice.
+        Its components are xx, yy, xy, axisymmetric also zz; in 3D xx, yy, zz, xy, yz, xz; antiplane xz, yz.
 
         Parameters
         ----------
@@ -64,13 +73,30 @@ class Bulk:
 
         Returns
         -------
-        ndarray, shape (*cells.shape, 2)
+        ndarray, shape (*cells.shape, moduli)
             Those of the cells, of their first point where they vary.
-        ndarray or None, shape (*cells.shape, points, 2)
+        ndarray or None, shape (*cells.shape, points, moduli)
             Those of the nodes of the elements in their own order; None if they are uniform in all these cells.
+
+        Raises
+        ------
+        RuptfxError
+            An energy that is not quadratic.
         """
         index = self.cell_material[cells]
-        moduli = np.array([material.lame(self.plane) for material in self.materials])
+        isotropic = self.isotropic
+
+        def of(material: Material) -> np.ndarray:
+            lame = material.lame(self.plane)
+            if lame is None:
+                return _lower_rows(material, self.plane)
+            first, shear = (each[..., None] for each in np.broadcast_arrays(*lame))
+            if isotropic:
+                return np.concatenate([first, shear], axis=-1)
+            by_first, by_shear = _stiffness_by_lame(self.plane)
+            return np.asarray(first * by_first + shear * by_shear)
+
+        moduli = np.array([of(material) for material in self.materials])
         if self.variation is None:
             return moduli[index], None
         count = self.variation.points(cells.ravel()[:1]).shape[1]
@@ -78,11 +104,43 @@ class Bulk:
         for number in np.unique(index):
             if self.variation.varies(number):
                 mine = index == number
-                local = self.variation.local(number, cells[mine]).lame(self.plane)
-                assert local is not None  # `MatrixFree` refuses others
-                found[mine] = np.stack(np.broadcast_arrays(*local), axis=-1)
+                local = self.variation.local(number, cells[mine])
+                if local.lame(self.plane) is not None:  # that of others does not vary: `MatrixFree` refuses it
+                    found[mine] = of(local)
         uniform = bool(np.all(found == found[..., :1, :]))
         return np.ascontiguousarray(found[..., 0, :]), None if uniform else found
+
+
+STRAINS: dict[str, list[tuple[int, int]]] = {
+    "antiplane": [(0, 2), (1, 2)], "axisymmetric": [(0, 0), (1, 1), (0, 1), (2, 2)],
+    "solid": [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)],
+}  # fmt: skip
+"""Order of the components of strain and stress by plane; plane stress and strain have the first three of axisymmetric
+bodies."""
+
+
+def _strains(plane: Plane) -> list[tuple[int, int]]:
+    return STRAINS.get(plane, STRAINS["axisymmetric"][:3])
+
+
+def _rows(stiffness: np.ndarray) -> np.ndarray:
+    """Return the rows of a matrix up to its diagonal, one after the other."""
+    return np.asarray(stiffness[np.tril_indices(len(stiffness))])
+
+
+def _lower_rows(material: Material, plane: Plane) -> np.ndarray:
+    """Return the rows of the stiffness of a material up to its diagonal [Pa]."""
+    stiffness = linear_stiffness(material, plane)
+    if plane == "antiplane":
+        return _rows(stiffness)
+    strains = _strains(plane)
+    return _rows(np.array([[stiffness[(*row, *column)] for column in strains] for row in strains]))
+
+
+def _stiffness_by_lame(plane: Plane) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivatives of the rows of an isotropic stiffness by both Lamé moduli."""
+    normal = np.array([float(i == j) for i, j in _strains(plane)])
+    return _rows(np.outer(normal, normal)), _rows(np.diag(1 + normal))
 
 
 class Operator(Protocol):

@@ -19,7 +19,7 @@ def numbers(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the kind of every batch, the start of its numbers (in vectors), and the numbers.
 
-    A batch has the kind of its most demanding cell. Its numbers are the two Lamé moduli (zero for padding
+    A batch has the kind of its most demanding cell. Its numbers are `Bulk.moduli` (zero for padding
     cells), where they vary in a cell those of all its nodes, and the geometry; with large rotations 1 / sqrt(det J)
     follows; around an axis 2 pi r and 1 / r of the nodes follow, and sqrt(det J), which
     is one number in an affine cell, one for each node in a curved one, and computed by the kernel in others.
@@ -40,7 +40,7 @@ def numbers(
         kind[part] = _classify(mesh, cells[part])
     varies = np.zeros(len(cells), dtype=bool)
     for part in _slices(len(cells)) if bulk.variation is not None else []:
-        local = bulk.lame(cells[part])[1]
+        local = bulk.moduli(cells[part])[1]
         if local is not None:
             varies[part] = np.any(local != local[..., :1, :], axis=(1, 2, 3))
     nodes, axisymmetric = len(permutation), bulk.plane == "axisymmetric"
@@ -50,9 +50,10 @@ def numbers(
         width += 2 * nodes + np.array([1, 1, 0, nodes])
     if bulk.large_rotations:
         width += 1
-    width = width[kind] + 2 * nodes * varies
+    moduli = bulk.moduli(cells[:1])[0].shape[-1]
+    width = width[kind] + moduli * nodes * varies
     kind[varies] += VARYING
-    start = np.r_[0, np.cumsum(width + 2)].astype(np.int64)
+    start = np.r_[0, np.cumsum(width + moduli)].astype(np.int64)
     number = native.aligned((int(start[-1]), lanes))
     for value in np.unique(kind):
         batches = np.flatnonzero(kind == value)
@@ -61,7 +62,7 @@ def numbers(
             chosen = cells[batch]
             of_geometry = int(value) % VARYING
             sign, geometry = _geometry(bulk.space, chosen, of_geometry, permutation)
-            uniform, local = bulk.lame(chosen)
+            uniform, local = bulk.moduli(chosen)
             counts = (sign * ~padding[batch])[..., None]
             found = uniform * counts
             if value >= VARYING:

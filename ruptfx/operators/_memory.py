@@ -62,7 +62,7 @@ class MemorySweep(MatrixFree):
         super().__init__(bulk)
         self.law = traced(material, bulk.plane)
         self._space = space = bulk.space
-        permutation, constants = _reference_cell(space, False, False)
+        permutation, constants = _reference_cell(bulk)
         self._permutation = permutation
         macros = "".join(f"#define {name} {value}\n" for name, value in self.law.as_c().items())
         parts = [files("ruptfx").joinpath("codegen/lanes.c")]

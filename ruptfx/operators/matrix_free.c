@@ -1,10 +1,11 @@
-// Internal force of isotropic linear elasticity without a matrix, LANES elements at a time, and the leapfrog update of
+// Internal force of linear elasticity without a matrix, LANES elements at a time, and the leapfrog update of
 // the nodes that need nothing else.  matrix_free.py writes in front of this file lanes.c and what is known at compile time:
 // DIM, COMPONENTS, ORDER, SIMPLEX, and as TABLES those of the Gauss-Lobatto-Legendre points on [0, 1].
 //
 // LARGE_ROTATIONS: strains U - 1 of 1 + grad u = R U, in triangles; another number, 1 / sqrt(det J), follows the geometry.
 // AXISYMMETRIC: around the first axis, the second component and coordinate being the radius.
 // VARIES: there are elements in which moduli vary; the kind of their batches is that of the geometry plus VARYING.
+// ANISOTROPIC: the moduli of an element are the rows of its stiffness up to the diagonal; else lambda and the shear modulus.
 //
 // Every lane of a vector is another element.  Per element: gather, reference gradient along one direction after the
 // other (sum factorisation), stress, transposed gradient, scatter.
@@ -19,6 +20,19 @@
 #define NODES (N * N * N)
 #endif
 
+// Components of strain and stress: antiplane xz, yz; xx, yy, xy, and around the axis; xx, yy, zz, xy, yz, xz.
+#define STRAINS (COMPONENTS == 1 ? DIM : DIM * (DIM + 1) / 2 + AXISYMMETRIC)
+#if COMPONENTS == 1
+#define PLACE(c, a) (a)
+#else
+#define PLACE(c, a) ((c) == (a) ? (c) : DIM == 2 ? 2 : (c) + (a) == 1 ? 3 : (c) + (a) == 3 ? 4 : 5)
+#endif
+#if ANISOTROPIC
+#define MODULI (STRAINS * (STRAINS + 1) / 2)
+#else
+#define MODULI 2
+#endif
+
 enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VARYING };  // kind of a batch: geometry, and VARYING is added
 #define GEOMETRY(kind) ((kind) & (VARYING - 1))
 
@@ -26,7 +40,7 @@ struct plan {
     const int *dof;                // [batch][node of the element][lane]: first degree of freedom of the node
     const unsigned char *kind;     // [batch]
     const long *start;             // [batch]: where its numbers begin, in vectors
-    const lanes *number;           // lambda, shear modulus, those of the nodes where they vary, geometry; axisymmetric: 2 pi r and 1 / r of the nodes, sizes
+    const lanes *number;           // moduli, those of the nodes where they vary, geometry; axisymmetric: 2 pi r and 1 / r of the nodes, sizes
     const int *line;               // [batches + 1][NODES * FETCH]: cache lines to ask for in advance
     const int *block;              // [blocks + 1]: first batch of every block
     const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
@@ -75,32 +89,38 @@ INLINE void tangents(const lanes *geometry, const double xi[DIM], lanes j[DIM][D
 }
 
 struct cell {
-    lanes lambda, shear;
+    lanes moduli[MODULI];
     lanes g[DIM][DIM];                             // scaled inverse Jacobian, where it is the same at all points
-    lanes normal[DIM][DIM], tangential[DIM][DIM];  // of a box: Hooke's law between reference gradient and flux
+    lanes normal[DIM][DIM], tangential[DIM][DIM];  // of an isotropic box: Hooke's law between reference gradient and flux
     const lanes *geometry;
-    const lanes *moduli;  // lambda and shear modulus of the nodes, where they vary
+    const lanes *of_nodes;  // moduli of the nodes, where they vary
 };
 
 INLINE struct cell open_cell(const int kind, const lanes *number)
 {
     const int geometry = GEOMETRY(kind), varying = kind >= VARYING;
-    struct cell cell = {.lambda = number[0], .shear = number[1], .moduli = number + 2};
-    cell.geometry = number + 2 + (varying ? 2 * NODES : 0);
+    struct cell cell = {.of_nodes = number + MODULI, .geometry = number + MODULI + (varying ? MODULI * NODES : 0)};
+    UNROLL for (int k = 0; k < MODULI; k++) cell.moduli[k] = number[k];
+#if !ANISOTROPIC
+    const lanes lambda = number[0], shear = number[1];
     if (geometry == BOX && !varying)
         UNROLL for (int d = 0; d < DIM; d++)
             UNROLL for (int e = 0; e < DIM; e++) {
                 const lanes both = cell.geometry[d] * cell.geometry[e];
-                cell.tangential[d][e] = cell.shear * both;
-                cell.normal[d][e] = (d == e ? cell.lambda + cell.shear + cell.shear : cell.lambda) * both;
+                cell.tangential[d][e] = shear * both;
+                cell.normal[d][e] = (d == e ? lambda + shear + shear : lambda) * both;
             }
+#endif
+    if (geometry == BOX)
+        UNROLL for (int d = 0; d < DIM; d++) cell.g[d][d] = cell.geometry[d];
     if (geometry == AFFINE)
         UNROLL for (int d = 0; d < DIM; d++)
             UNROLL for (int a = 0; a < DIM; a++) cell.g[d][a] = cell.geometry[d * DIM + a];
     return cell;
 }
 
-// Reference gradient p[d][c] to reference flux, in place, in a cell whose edges follow the axes.
+#if !ANISOTROPIC
+// Reference gradient p[d][c] to reference flux, in place, in a uniform cell whose edges follow the axes.
 INLINE void box_flux(const struct cell *cell, lanes p[DIM][COMPONENTS])
 {
 #if COMPONENTS == 1
@@ -119,62 +139,57 @@ INLINE void box_flux(const struct cell *cell, lanes p[DIM][COMPONENTS])
         UNROLL for (int c = 0; c < DIM; c++) p[d][c] = q[d][c];
 #endif
 }
-
-#if VARIES && !SIMPLEX
-// The same with the moduli of a node.
-INLINE void varying_box_flux(const struct cell *cell, lanes lambda, lanes shear, lanes p[DIM][COMPONENTS])
-{
-#if COMPONENTS == 1
-    UNROLL for (int d = 0; d < DIM; d++) p[d][0] *= shear * (cell->geometry[d] * cell->geometry[d]);
-#else
-    lanes h[DIM][DIM], pressure = {0};
-    UNROLL for (int d = 0; d < DIM; d++)
-        UNROLL for (int c = 0; c < DIM; c++) h[d][c] = cell->geometry[d] * p[d][c];
-    UNROLL for (int d = 0; d < DIM; d++) pressure = d ? pressure + h[d][d] : h[d][d];
-    pressure *= lambda;
-    UNROLL for (int d = 0; d < DIM; d++) {
-        p[d][d] = cell->geometry[d] * (pressure + (shear + shear) * h[d][d]);
-        UNROLL for (int c = 0; c < d; c++) {
-            const lanes stress = shear * (h[d][c] + h[c][d]);
-            p[d][c] = cell->geometry[d] * stress;
-            p[c][d] = cell->geometry[c] * stress;
-        }
-    }
-#endif
-}
 #endif
 
-// The same in any cell: G C G' with Hooke's law C. Axisymmetric, `hoop` is the strain around the axis, times what G is
-// times, and becomes the stress around it.
-INLINE void flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes *hoop, lanes p[DIM][COMPONENTS])
+// Hooke's law from gradient h to stress s. Axisymmetric, `hoop` is the strain around the axis and becomes the stress around it.
+INLINE void hooke(const lanes *moduli, lanes h[COMPONENTS][DIM], lanes *hoop, lanes s[COMPONENTS][DIM])
 {
-    lanes h[COMPONENTS][DIM], s[COMPONENTS][DIM];
+#if ANISOTROPIC
+    lanes e[STRAINS], t[STRAINS];
     UNROLL for (int c = 0; c < COMPONENTS; c++)
-        UNROLL for (int a = 0; a < DIM; a++) {
-            h[c][a] = g[0][a] * p[0][c];
-            UNROLL for (int d = 1; d < DIM; d++) h[c][a] += g[d][a] * p[d][c];
+        UNROLL for (int a = 0; a < DIM; a++)
+            e[PLACE(c, a)] = COMPONENTS > 1 && a < c ? e[PLACE(c, a)] + h[c][a] : h[c][a];
+    if (AXISYMMETRIC) e[STRAINS - 1] = *hoop;
+    UNROLL for (int i = 0; i < STRAINS; i++)
+        UNROLL for (int j = 0; j < STRAINS; j++) {
+            const lanes part = moduli[i < j ? j * (j + 1) / 2 + i : i * (i + 1) / 2 + j] * e[j];
+            t[i] = j ? t[i] + part : part;
         }
-#if COMPONENTS == 1
-    UNROLL for (int a = 0; a < DIM; a++) s[0][a] = shear * h[0][a];
+    if (AXISYMMETRIC) *hoop = t[STRAINS - 1];
+    UNROLL for (int c = 0; c < COMPONENTS; c++)
+        UNROLL for (int a = 0; a < DIM; a++) s[c][a] = t[PLACE(c, a)];
+#elif COMPONENTS == 1
+    UNROLL for (int a = 0; a < DIM; a++) s[0][a] = moduli[1] * h[0][a];
 #else
+    const lanes shear = moduli[1];
     lanes pressure = h[0][0];
     UNROLL for (int a = 1; a < DIM; a++) pressure += h[a][a];
-#if AXISYMMETRIC
-    pressure += *hoop;
-#endif
-    pressure *= lambda;
-#if AXISYMMETRIC
-    *hoop = pressure + (shear + shear) * *hoop;
-#endif
+    if (AXISYMMETRIC) pressure += *hoop;
+    pressure *= moduli[0];
+    if (AXISYMMETRIC) *hoop = pressure + (shear + shear) * *hoop;
     UNROLL for (int c = 0; c < DIM; c++) {
         s[c][c] = pressure + (shear + shear) * h[c][c];
         UNROLL for (int a = 0; a < c; a++) s[c][a] = s[a][c] = shear * (h[c][a] + h[a][c]);
     }
 #endif
+}
+
+// Reference gradient to reference flux in any cell: G C G' with the stiffness C; in a box G is diagonal.
+INLINE void flux(const int box, lanes g[DIM][DIM], const lanes *moduli, lanes *hoop, lanes p[DIM][COMPONENTS])
+{
+    lanes h[COMPONENTS][DIM], s[COMPONENTS][DIM];
+    UNROLL for (int c = 0; c < COMPONENTS; c++)
+        UNROLL for (int a = 0; a < DIM; a++) {
+            h[c][a] = box ? g[a][a] * p[a][c] : g[0][a] * p[0][c];
+            if (!box)
+                UNROLL for (int d = 1; d < DIM; d++) h[c][a] += g[d][a] * p[d][c];
+        }
+    hooke(moduli, h, hoop, s);
     UNROLL for (int c = 0; c < COMPONENTS; c++)
         UNROLL for (int d = 0; d < DIM; d++) {
-            p[d][c] = g[d][0] * s[c][0];
-            UNROLL for (int a = 1; a < DIM; a++) p[d][c] += g[d][a] * s[c][a];
+            p[d][c] = box ? g[d][d] * s[c][d] : g[d][0] * s[c][0];
+            if (!box)
+                UNROLL for (int a = 1; a < DIM; a++) p[d][c] += g[d][a] * s[c][a];
         }
 }
 
@@ -221,20 +236,20 @@ INLINE void flux_at(const int kind, struct cell *cell, int node, const double xi
                     lanes p[DIM][COMPONENTS])
 {
     const int geometry = GEOMETRY(kind);
+#if !ANISOTROPIC
     if (kind == BOX) {
         box_flux(cell, p);
         return;
     }
-    lanes lambda = cell->lambda, shear = cell->shear;
+#endif
+    lanes moduli[MODULI];
+    UNROLL for (int k = 0; k < MODULI; k++) moduli[k] = cell->moduli[k];
 #if VARIES && !SIMPLEX
-    if (kind >= VARYING) {
-        lambda = cell->moduli[2 * node], shear = cell->moduli[2 * node + 1];
-        UNROLL for (int k = 0; k < 2; k++) __builtin_prefetch(cell->moduli + 2 * (node + NODES + 2) + k, 0);
-    }
-    if (geometry == BOX) {
-        varying_box_flux(cell, lambda, shear, p);
-        return;
-    }
+    if (kind >= VARYING)
+        UNROLL for (int k = 0; k < MODULI; k++) {
+            moduli[k] = cell->of_nodes[MODULI * node + k];
+            __builtin_prefetch(cell->of_nodes + MODULI * (node + NODES + 1) + DIM + k, 0);
+        }
 #endif
 #if AXISYMMETRIC
     const lanes *const ring = cell->geometry + (geometry == AFFINE ? 4 : geometry == MULTILINEAR ? 6 : 4 * NODES);
@@ -245,7 +260,7 @@ INLINE void flux_at(const int kind, struct cell *cell, int node, const double xi
         lanes j[DIM][DIM];
         tangents(cell->geometry, xi, j);
         const lanes inverse = adjugate(j, cell->g);
-        lambda *= inverse, shear *= inverse;
+        UNROLL for (int k = 0; k < MODULI; k++) moduli[k] *= inverse;
 #if AXISYMMETRIC
         size = 1.0 / inverse;
 #endif
@@ -255,14 +270,14 @@ INLINE void flux_at(const int kind, struct cell *cell, int node, const double xi
             UNROLL for (int a = 0; a < DIM; a++) cell->g[d][a] = cell->geometry[(node * DIM + d) * DIM + a];
 #if AXISYMMETRIC
     *hoop *= size * ring[NODES + node];
-    flux(cell->g, lambda, shear, hoop, p);
+    flux(0, cell->g, moduli, hoop, p);
     *hoop *= size * ring[NODES + node] * ring[node];
     UNROLL for (int d = 0; d < DIM; d++)
         UNROLL for (int c = 0; c < COMPONENTS; c++) p[d][c] *= ring[node];
 #elif LARGE_ROTATIONS
-    turned_flux(cell->g, lambda, shear, cell->geometry[4], p);
+    turned_flux(cell->g, moduli[0], moduli[1], cell->geometry[4], p);
 #else
-    flux(cell->g, lambda, shear, hoop, p);
+    flux(geometry == BOX, cell->g, moduli, hoop, p);
 #endif
 }
 
@@ -495,7 +510,7 @@ void add_viscous_force(const struct plan *plan, long batches, const double *disp
         UNROLL for (int c = 0; c < 2; c++)
             UNROLL for (int a = 0; a < 2; a++)
                 e[c][a] = 0.5 * (f[0][c] * w[0][a] + f[1][c] * w[1][a] + f[0][a] * w[0][c] + f[1][a] * w[1][c]);
-        const lanes pressure = root * cell.lambda * (e[0][0] + e[1][1]), twice = root * (cell.shear + cell.shear);
+        const lanes pressure = root * cell.moduli[0] * (e[0][0] + e[1][1]), twice = root * (cell.moduli[1] + cell.moduli[1]);
         UNROLL for (int c = 0; c < 2; c++)
             UNROLL for (int a = 0; a < 2; a++)
                 stress[c][a] = pressure * f[c][a] + twice * (f[c][0] * e[0][a] + f[c][1] * e[1][a]);
@@ -527,7 +542,7 @@ double strain_energy(const struct plan *plan, long batches, const double *displa
         lanes square = at.rest[0][0] * at.rest[0][0] + at.rest[0][1] * at.rest[0][1];
         square += at.rest[1][0] * at.rest[1][0] + at.rest[1][1] * at.rest[1][1];
         const lanes area = -MINUS_WEIGHT[0] / (cell.geometry[4] * cell.geometry[4]);
-        sum += area * (0.5 * cell.lambda * at.trace * at.trace + cell.shear * square);
+        sum += area * (0.5 * cell.moduli[0] * at.trace * at.trace + cell.moduli[1] * square);
     }
 #else
     (void)plan, (void)batches, (void)displacement;
@@ -648,8 +663,7 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
 
 #if !SIMPLEX && !AXISYMMETRIC
 // Stresses times the weights and sizes of elements, summed at their nodes, of one batch whose geometry is the same at all
-// points; `root` is that of the determinant of its Jacobian.  Components: xx, yy, (zz,) xy, (yz, xz); antiplane: xz, yz.
-#define STRESSES (COMPONENTS == 1 ? DIM : DIM * (DIM + 1) / 2)
+// points; `root` is that of the determinant of its Jacobian.
 INLINE void batch_stress(const int kind, const struct plan *plan, long b, lanes root, const double *displacement,
                          double *stress)
 {
@@ -665,34 +679,20 @@ INLINE void batch_stress(const int kind, const struct plan *plan, long b, lanes 
         UNROLL for (int c = 0; c < COMPONENTS; c++)
             along_all(0, &DERIVATIVE, u[c], p[d][c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);
     KEEP for (int node = 0; node < NODES; node++) {
-        lanes h[COMPONENTS][DIM], s[STRESSES];
-#if VARIES
-        if (kind >= VARYING) cell.lambda = cell.moduli[2 * node], cell.shear = cell.moduli[2 * node + 1];
-#endif
+        lanes h[COMPONENTS][DIM], s[COMPONENTS][DIM];
+        const lanes *const moduli = kind >= VARYING ? cell.of_nodes + MODULI * node : cell.moduli;
         UNROLL for (int c = 0; c < COMPONENTS; c++)
             UNROLL for (int a = 0; a < DIM; a++) {
                 h[c][a] = (lanes){0};
-                UNROLL for (int d = 0; d < DIM; d++) {
-                    if (geometry == BOX && d == a) h[c][a] += cell.geometry[d] * p[d][c][node];
-                    if (geometry == AFFINE) h[c][a] += cell.g[d][a] * p[d][c][node];
-                }
+                UNROLL for (int d = 0; d < DIM; d++)
+                    if (geometry != BOX || d == a) h[c][a] += cell.g[d][a] * p[d][c][node];
             }
-#if COMPONENTS == 1
-        UNROLL for (int a = 0; a < DIM; a++) s[a] = cell.shear * h[0][a];
-#else
-        lanes pressure = h[0][0];
-        UNROLL for (int a = 1; a < DIM; a++) pressure += h[a][a];
-        UNROLL for (int a = 0; a < DIM; a++) s[a] = cell.lambda * pressure + 2 * cell.shear * h[a][a];
-        s[DIM] = cell.shear * (h[0][1] + h[1][0]);
-#if DIM == 3
-        s[4] = cell.shear * (h[1][2] + h[2][1]);
-        s[5] = cell.shear * (h[0][2] + h[2][0]);
-#endif
-#endif
-        UNROLL for (int k = 0; k < STRESSES; k++) s[k] *= -MINUS_WEIGHT[node] * root;
+        hooke(moduli, h, 0, s);
         UNROLL for (int l = 0; l < LANES; l++) {
-            double *const here = stress + (long)(dof[node * LANES + l] / COMPONENTS) * STRESSES;
-            UNROLL for (int k = 0; k < STRESSES; k++) here[k] += s[k][l];
+            double *const here = stress + (long)(dof[node * LANES + l] / COMPONENTS) * STRAINS;
+            UNROLL for (int c = 0; c < COMPONENTS; c++)
+                UNROLL for (int a = c * (COMPONENTS > 1); a < DIM; a++)
+                    here[PLACE(c, a)] += -MINUS_WEIGHT[node] * root[l] * s[c][a][l];
         }
     }
 }

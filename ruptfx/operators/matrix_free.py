@@ -1,4 +1,4 @@
-"""The explicit hot path: isotropic linear elasticity without a matrix, eight elements at a time, in compiled C.
+"""The explicit hot path: linear elasticity without a matrix, eight elements at a time, in compiled C.
 
 The kernel is `matrix_free.c`. Where moduli vary in an element, it reads those of the nodes. This module sorts the
 elements into batches, describes their geometry, and finds for every node the last element that touches it, after which
@@ -14,6 +14,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem
 from ruptfx.codegen import native
+from ruptfx.materials._stiffness import linear_stiffness
 from ruptfx.operators import Bulk, Damped
 from ruptfx.operators._geometry import AFFINE, BOX, VARYING, geometry_element, is_tensor, numbers, root_of_size
 
@@ -51,7 +52,7 @@ class MatrixFree:
         self._components = space.dofmap.index_map_bs
         self._nodes = index_map.size_local + index_map.num_ghosts
         self._shared = _shared_nodes(index_map)
-        permutation, constants = _reference_cell(space, bulk.plane == "axisymmetric", bulk.large_rotations)
+        permutation, constants = _reference_cell(bulk)
         lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
         kernel = files(__package__).joinpath("matrix_free.c").read_text()
         varies = "#define VARIES 1\n" * (bulk.variation is not None)
@@ -282,9 +283,22 @@ class MatrixFree:
 
 def _refuse_unknown(bulk: Bulk) -> None:
     remedy = "operator = 'ufl_form' handles it"
-    for material in bulk.materials:
-        if material.lame(bulk.plane) is None:
-            raise RuptfxError(f"matrix_free knows isotropic elasticity only, not '{material.kind()}'; {remedy}")
+    for number, material in enumerate(bulk.materials):
+        if material.lame(bulk.plane) is not None:
+            continue
+        kind = material.kind()
+        if bulk.large_rotations:
+            raise RuptfxError(f"matrix_free knows large rotations of isotropic bodies only, not of '{kind}'; {remedy}")
+        varying = set() if bulk.variation is None else set(bulk.variation.given[number].varying) - {"density"}
+        if varying:
+            raise RuptfxError(f"matrix_free knows one stiffness of '{kind}', and {min(varying)} varies; {remedy}")
+        try:
+            linear_stiffness(material, bulk.plane)
+        except RuptfxError:
+            raise RuptfxError(
+                f"matrix_free needs an energy that is quadratic in the strain and depends on nothing else, unlike "
+                f"that of '{kind}'; {remedy}"
+            ) from None
     cell, order = bulk.space.mesh.basix_cell().name, bulk.space.element.basix_element.degree
     limit = 8 if is_tensor(bulk.space.mesh) else 1
     if order > limit:
@@ -327,16 +341,15 @@ def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
     return np.where(place < np.repeat(length // lanes * lanes, length), place % lanes, -1)
 
 
-def _reference_cell(
-    space: fem.dolfinx.fem.FunctionSpace, axisymmetric: bool, large: bool
-) -> tuple[np.ndarray, str]:
+def _reference_cell(bulk: Bulk) -> tuple[np.ndarray, str]:
     """Return the tensor-product order of the nodes of a cell, and the constants of the C source."""
+    space = bulk.space
     element = space.element.basix_element
     order, dim = element.degree, space.mesh.topology.dim
     sizes = {
         "DIM": dim, "COMPONENTS": space.dofmap.index_map_bs, "ORDER": order, "FETCH": _fetch(space),
-        "SIMPLEX": int(not is_tensor(space.mesh)), "AXISYMMETRIC": int(axisymmetric),
-        "LARGE_ROTATIONS": int(large),
+        "SIMPLEX": int(not is_tensor(space.mesh)), "AXISYMMETRIC": int(bulk.plane == "axisymmetric"),
+        "LARGE_ROTATIONS": int(bulk.large_rotations), "ANISOTROPIC": int(not bulk.isotropic),
     }  # fmt: skip
     text = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
     if not is_tensor(space.mesh):

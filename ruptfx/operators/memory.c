@@ -60,18 +60,11 @@ static inline __attribute__((always_inline)) void at_point(const int what, doubl
 #endif
 }
 
-// Position of a strain component in the order xx, yy, xy; xx, yy, zz, xy, yz, xz; xz, yz.
-#if COMPONENTS == 1
-#define PLACE(c, a) (a)
-#else
-#define PLACE(c, a) ((c) == (a) ? (c) : DIM == 2 ? 2 : (c) + (a) == 1 ? 3 : (c) + (a) == 3 ? 4 : 5)
-#endif
-
 INLINE lanes memory_batch(const int geometry, const int what, const struct plan *plan, const struct memory *memory, long b,
                           double dt, const double *once, const double *displacement, double *sums)
 {
     const int *dof = plan->dof + b * NODES * LANES;
-    struct cell cell = open_cell(geometry, plan->number + plan->start[b] + (plan->kind[b] >= VARYING ? 2 * NODES : 0));
+    struct cell cell = open_cell(geometry, plan->number + plan->start[b] + (plan->kind[b] >= VARYING ? MODULI * NODES : 0));
     lanes u[COMPONENTS][NODES], p[DIM][COMPONENTS][NODES], total = {0};
     KEEP for (int node = 0; node < NODES; node++) {
         lanes x[COMPONENTS];

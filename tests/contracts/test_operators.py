@@ -15,6 +15,7 @@ pytest.importorskip("dolfinx")
 from ruptfx import RuptfxError, fem, operators
 from ruptfx.materials import Material
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials.orthotropic_elastic import OrthotropicElastic
 from ruptfx.operators import Bulk, FusedOperator
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import kinds, own_module
@@ -29,12 +30,37 @@ HARDENED = IsotropicElastic(density=1.0, poisson_ratio=0.2, young_modulus={
 })  # fmt: skip
 
 
+FIBRES = OrthotropicElastic(
+    E_1=9.0, E_2=2.0, E_3=1.5, nu_12=0.3, nu_23=0.4, nu_13=0.25, G_12=0.8, G_13=0.7, G_23=0.5, angle=0.4,
+    density={"kind": "random", "mean": 5.0, "standard_deviation": 1.0, "correlation_length": 0.3, "seed": 3},
+)  # fmt: skip
+
+
+class Crystal(Material):
+    """A body without symmetry: 21 constants."""
+
+    def energy_density(self, strain: Any, plane: Any) -> Any:
+        root = np.random.default_rng(5).normal(size=(6, 6))
+        stiffness = root @ root.T + 2 * np.eye(6)
+        if plane == "antiplane":
+            e, places = strain, [4, 3]
+        else:
+            pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+            places = list(range(6)) if plane == "solid" else [0, 1, 5]
+            e = fem.ufl.as_vector([strain[i, j] * (1 if i == j else 2) for i, j in (pairs[k] for k in places)])
+        return 0.5 * fem.ufl.inner(e, fem.ufl.as_matrix(stiffness[np.ix_(places, places)].tolist()) * e)
+
+
+CRYSTAL = Crystal(density=1.0)
+
+
 class Setting(NamedTuple):
     cell: str
     order: int
     plane: Any
     shape: str  # box, affine, bent, curved
     varies: bool = False  # moduli of one material, from point to point
+    first: Material = SOFT  # of the first material, the second one is isotropic
 
 
 # Every element, plane, geometry and both parities of the order; each distinct form costs a compilation, so not all
@@ -72,6 +98,33 @@ SETTINGS = [
     Setting("hexahedron", 2, "solid", "box", True),
     Setting("hexahedron", 1, "solid", "bent", True),
     Setting("triangle", 1, "strain", "bent", True),
+    Setting("quadrilateral", 4, "strain", "box", first=FIBRES),
+    Setting("quadrilateral", 4, "stress", "bent", first=FIBRES),
+    Setting("quadrilateral", 3, "antiplane", "affine", first=FIBRES),
+    Setting("quadrilateral", 3, "axisymmetric", "affine", first=FIBRES),
+    Setting("hexahedron", 2, "solid", "bent", first=FIBRES),
+    Setting("triangle", 1, "stress", "bent", first=FIBRES),
+    Setting("quadrilateral", 2, "stress", "box", first=CRYSTAL),
+    Setting("quadrilateral", 5, "strain", "affine", first=CRYSTAL),
+    Setting("quadrilateral", 1, "strain", "bent", first=CRYSTAL),
+    Setting("quadrilateral", 2, "strain", "curved", first=CRYSTAL),
+    Setting("quadrilateral", 3, "antiplane", "box", first=CRYSTAL),
+    Setting("quadrilateral", 2, "antiplane", "bent", first=CRYSTAL),
+    Setting("quadrilateral", 1, "axisymmetric", "box", first=CRYSTAL),
+    Setting("quadrilateral", 3, "axisymmetric", "bent", first=CRYSTAL),
+    Setting("quadrilateral", 2, "axisymmetric", "curved", first=CRYSTAL),
+    Setting("hexahedron", 2, "solid", "box", first=CRYSTAL),
+    Setting("hexahedron", 2, "solid", "affine", first=CRYSTAL),
+    Setting("hexahedron", 3, "solid", "bent", first=CRYSTAL),
+    Setting("triangle", 1, "strain", "bent", first=CRYSTAL),
+    Setting("triangle", 1, "antiplane", "bent", first=CRYSTAL),
+    Setting("tetrahedron", 1, "solid", "bent", first=CRYSTAL),
+    Setting("quadrilateral", 2, "strain", "box", True, FIBRES),
+    Setting("quadrilateral", 3, "axisymmetric", "bent", True, FIBRES),
+    Setting("quadrilateral", 2, "antiplane", "affine", True, CRYSTAL),
+    Setting("hexahedron", 2, "solid", "affine", True, FIBRES),
+    Setting("hexahedron", 1, "solid", "bent", True, CRYSTAL),
+    Setting("triangle", 1, "stress", "bent", True, FIBRES),
 ]
 STRAIGHT = [setting for setting in SETTINGS if setting.shape != "curved" and not setting.varies]  # of uniform bodies
 
@@ -125,9 +178,9 @@ def make_bulk(setting: Setting) -> Bulk:
     middle = mesh.geometry.x[fem.geometry_dofmap(mesh)].mean(axis=1)
     material = (np.sin(40 * middle.sum(axis=1)) > 0).astype(np.int32)
     if setting.varies:
-        variation = Variation(space, ["soft", "stiff"], material, [SOFT, HARDENED], setting.plane)
+        variation = Variation(space, ["soft", "stiff"], material, [setting.first, HARDENED], setting.plane)
         return Bulk(space, setting.plane, variation.references, material, variation=variation)
-    return Bulk(space, setting.plane, [SOFT, STIFF], material)
+    return Bulk(space, setting.plane, [setting.first.with_values({"density": 1.0}), STIFF], material)
 
 
 @cache
@@ -165,7 +218,7 @@ def nodal(bulk: Bulk, values: np.ndarray) -> np.ndarray:
 
 
 def name(setting: Setting) -> str:
-    return "-".join(str(part) for part in setting)
+    return "-".join(part.kind() if isinstance(part, Material) else str(part) for part in setting)
 
 
 fast = pytest.mark.parametrize("kind", [kind for kind in kinds("ruptfx.operators") if kind != "ufl_form"])
@@ -234,7 +287,13 @@ def test_energy_of_a_linear_field_is_exact(kind: str, setting: Setting) -> None:
         strain[2, 2] = gradient[1, 1]
     expected = 0.0
     for index, material in enumerate(bulk.materials):
-        if setting.plane == "antiplane":
+        if not isinstance(material, IsotropicElastic):
+            seen = gradient[0, :dim] if setting.plane == "antiplane" else strain[:dim, :dim]
+            if setting.plane == "axisymmetric":
+                seen = strain
+            in_ufl = fem.ufl.as_tensor(seen.tolist())
+            density = material.energy_density(in_ufl, "solid" if len(seen) == 3 else setting.plane)((0.0,) * dim)
+        elif setting.plane == "antiplane":
             density = 0.5 * material.shear_modulus * gradient[0] @ gradient[0]
         else:
             lame = material.lame_lambda(bulk.plane)

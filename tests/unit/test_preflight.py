@@ -157,7 +157,7 @@ def test_theory_of_a_self_affine_surface() -> None:
 
 def test_isotropic_formulas_are_estimates_for_other_bodies() -> None:
     fibres = {"kind": "orthotropic_elastic", "E_1": 30e9, "E_2": 5e9, "nu_12": 0.3, "nu_23": 0.3, "G_12": 2e9}
-    table = slip_weakening({"materials": {"default": fibres | {"density": 1200.0}}, "operator": "ufl_form"})
+    table = slip_weakening({"materials": {"default": fibres | {"density": 1200.0}}})
     found = rows(table)[": lengths and limits"]
     assert (found.value, found.verdict) == ("estimates", "warning")
     assert ": lengths and limits" not in weakening()

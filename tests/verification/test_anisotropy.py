@@ -48,7 +48,7 @@ class Orthotropic(Material):
 
 
 def model(changes: dict[str, Any], angle: float = 0.0) -> Model:
-    table = plates({"plane": "strain", "operator": "assembled", "faults.main.contact": SPLIT})
+    table = plates({"plane": "strain", "faults.main.contact": SPLIT})
     table = merged(table, changes)
     table["materials"] = {"default": Orthotropic(density=DENSITY, angle=angle)}
     return Model(parse_case(table))

@@ -126,7 +126,7 @@ def test_an_orthotropic_patch_has_its_strain_energy(compensate: bool, plane: str
         loads = [{"kind": "traction", "edge": f"specimen.{side}", "traction": (stress @ n).tolist()}
                  for side, n in sides]
         model = Model(case({
-            "mesh": mesh, "plane": plane, "operator": "ufl_form", "materials.default": laminate,
+            "mesh": mesh, "plane": plane, "materials.default": laminate,
             "fracture.default.cohesion": NEVER, "fracture.compensate": compensate, "boundaries": loads,
         }))  # fmt: skip
         cracks, material = model.cracks, model.materials[0]
@@ -163,7 +163,7 @@ def test_a_crack_of_an_orthotropic_body_takes_its_fracture_energy(way: str) -> N
                 "density": 1800.0}  # fmt: skip
     given = case({
         "mesh": {"kind": "triangles", "width": width, "height": 4e-3, "element_size": 1e-3, "divide": 2e-3},
-        "materials": {"default": laminate}, "operator": "ufl_form",
+        "materials": {"default": laminate},
         "fracture": {"kind": way, "default": {"cohesion": NEVER, "friction": RUBS},
                      "pairs": {"lower-upper": {"cohesion": law, "friction": RUBS}}},
         "duration": 10e-6, "boundaries": [

@@ -121,15 +121,18 @@ def test_uneven_pressure_is_that_of_the_interface_everywhere_across_it(tmp_path:
 
 @pytest.mark.parametrize("plane", ["stress", "strain", "antiplane", "solid"])
 @pytest.mark.parametrize("shear", [0.0, 0.3])
-def test_stress_of_the_kernel_is_that_of_the_form(plane: str, shear: float) -> None:
+@pytest.mark.parametrize("upper", [
+    {"kind": "isotropic_elastic", "young_modulus": 2e10, "poisson_ratio": 0.2, "density": 2000.0},
+    {"kind": "orthotropic_elastic", "E_1": 8e10, "E_2": 9e9, "nu_12": 0.25, "nu_23": 0.4, "G_12": 3.6e9, "angle": 0.4,
+     "density": 1500.0},
+], ids=["isotropic", "orthotropic"])  # fmt: skip
+def test_stress_of_the_kernel_is_that_of_the_form(plane: str, shear: float, upper: dict[str, Any]) -> None:
     """On elements of unequal size, and of unequal materials: the same sums at the nodes."""
     table: dict[str, Any] = {
         "order": 3, "plane": plane, "mesh.growth": 1.2, "faults.main.initial_stress": {"normal": 6e6, "shear": 0.0},
         "operator": "matrix_free",
     }  # fmt: skip
-    table["materials.upper"] = {
-        "kind": "isotropic_elastic", "young_modulus": 2e10, "poisson_ratio": 0.2, "density": 2000.0,
-    }  # fmt: skip
+    table["materials.upper"] = upper
     parsed = case(table)
     raw = two_boxes().build() if plane == "solid" else parsed.mesh.build()
     raw.points[:, 0] += shear * raw.points[:, 1]

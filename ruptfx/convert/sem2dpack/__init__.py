@@ -153,8 +153,6 @@ class _Case:
         if not layout.viscosity_is_a_layer(self.media):
             layout = arrange(self.given, self.bodies, self.media, tags, self.case["order"], viscous_apart=True)
         self.case |= {"mesh": layout.mesh_table(self.mesh_file), "materials": layout.materials(self.media)}
-        if any(medium.table.get("kind") == "orthotropic_elastic" for medium in self.media.values()):
-            self.case["operator"] = "ufl_form"
         self.layout = layout
 
     def _time(self) -> None:
