@@ -56,6 +56,13 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert (page.parent / link).exists() or (page.parent / f"{link}.md").exists(), f"{page}: {link}"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_no_text_is_a_comment(page: Path) -> None:
+    """MyST drops a line that begins with a percent sign, such as one that was wrapped within "60 %"."""
+    text = re.sub(r"^ *(```+).*?^ *\1$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    assert re.findall(r"^\s*%.*", text, re.MULTILINE) == []
+
+
 def test_blocks_are_read_as_said(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(
