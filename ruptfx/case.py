@@ -554,7 +554,7 @@ class Case(CaseFile):
                 )
 
     def _check_rotations(self) -> None:
-        if not self.large_rotations:
+        if not self.large_rotations or self.plane == "solid":  # refused by `support.py`
             return
         if self.faults:
             raise ValueError(
@@ -563,6 +563,10 @@ class Case(CaseFile):
             )
 
     def _check_fracture(self) -> None:
+        if self.plane == "solid":  # [fracture] is refused by `support.py`
+            if self.collisions is not None and self.fracture is None:
+                raise ValueError("collisions, plane = 'solid': in plane stress and strain only; remove [collisions]")
+            return
         if self.collisions is not None and (self.fracture is None or not self.large_rotations):
             raise ValueError(
                 "collisions: what moves far may turn and break; add the table [fracture], and large_rotations = "

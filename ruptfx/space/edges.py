@@ -154,7 +154,7 @@ class Edge:
             raise CaseError(
                 f"{self._key} = '{self.name}': dashpots along x and y would send back {coupling:.1%} "
                 f"of a wave at normal incidence, at most {MOST_COUPLING:.0%} is allowed; turn the edge, and the axes "
-                "of an anisotropic material, along an axis"
+                "of an anisotropic material, along an axis, or take kind = 'sponge', at any angle"
             )
         dim = model.mesh.geometry.dim
         diagonal = np.array([

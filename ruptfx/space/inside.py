@@ -87,7 +87,16 @@ class Inside:
         holders = parallel.share_rows(model.comm, np.array([number for number, _, _ in found], dtype=np.int64))
         if not len(holders):
             body = "the bodies" if body is None else body
-            raise CaseError(f"{key}.{field} = {told}: is not inside of {body}; move it")
+            ends = [
+                [sign * parallel.largest(model.comm, (sign * x).max(initial=-np.inf)) for sign in (-1, 1)]
+                for x in model.coordinates.T
+            ]
+            rounding = 1e-9 * max(np.ptp(each) for each in ends)
+            low, high = np.where(np.abs(ends) < rounding, 0.0, ends).T
+            ranges = ", ".join(f"{axis} from {x:.6g} to {y:.6g}" for axis, x, y in zip("xyz", low, high, strict=False))
+            raise CaseError(
+                f"{key}.{field} = {told}: is not inside of {body}; move it; the bodies are within {ranges} m"
+            )
         if first:
             holders = holders[holders == holders.min()]
             found = [item for item in found if item[0] == holders[0]]

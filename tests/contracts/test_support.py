@@ -11,7 +11,7 @@ from typing import Any, get_args
 import pytest
 from helpers.crack_cases import HERE, block, faulted
 from helpers.messages import facts, facts_of
-from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates, strike_slip
 from typer.testing import CliRunner
 
 from ruptfx.case import parse_case
@@ -316,6 +316,19 @@ def test_steps_without_waves_refuse_what_acts_on_waves(stepper: str, key: str, c
 def test_keys_without_effect_are_refused(key: str, changes: dict[str, Any]) -> None:
     with pytest.raises(CaseError, match=f"^{facts_of(key)}"):
         parse_case(plates({**SMALL, "faults.main.contact": COMPLIANT, **changes}))
+
+
+@pytest.mark.parametrize("changes, message", [
+    ({"fracture": {"kind": "intrinsic", "default": {"cohesion": BOND, "friction": {"kind": "coulomb", "mu_d": 0.0}}}},
+     "plane = 'solid': bodies break in plane stress and plane strain only"),
+    ({"collisions": {"kind": "potential"}}, "collisions, plane = 'solid': in plane stress and strain only; remove"),
+    ({"large_rotations": True}, "large_rotations, plane = 'solid': in plane stress and plane strain only; remove"),
+    ({"faults.main.sliding": {}}, "faults.main.sliding: only motion in a plane"),
+])  # fmt: skip
+def test_what_is_for_planes_is_refused_at_once_in_three_dimensions(changes: dict[str, Any], message: str) -> None:
+    """Order 2 and stress of the fault, which fracture refuses in a plane, are not named first."""
+    with pytest.raises(CaseError, match=facts_of(message)):
+        parse_case(strike_slip(changes))
 
 
 @pytest.mark.parametrize("key, value", [
