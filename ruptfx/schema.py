@@ -8,15 +8,19 @@ plug-ins (`ruptfx.plugins`).
 
 from __future__ import annotations
 
+import ast
 import difflib
 import importlib
+import inspect
 import pkgutil
 import re
+import textwrap
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, get_args
@@ -232,7 +236,6 @@ class Part(BaseModel, metaclass=_Reworded):
         allow_inf_nan=False,
         arbitrary_types_allowed=True,
         validate_default=True,
-        use_attribute_docstrings=True,
     )
 
     former_keys: ClassVar[Mapping[str, str]] = {}
@@ -240,11 +243,12 @@ class Part(BaseModel, metaclass=_Reworded):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the JSON schema with a description of `kind`."""
+        """Return the JSON schema with descriptions of the keys and of `kind`."""
         schema = handler(core)
-        kind = handler.resolve_ref_schema(schema).get("properties", {}).get("kind")
-        if kind is not None:
-            kind.setdefault("description", first_line(cls))
+        properties = handler.resolve_ref_schema(schema).get("properties", {})
+        for name, text in {"kind": first_line(cls), **descriptions(cls)}.items():
+            if name in properties:
+                properties[name].setdefault("description", text)
         return schema
 
     @model_validator(mode="before")
@@ -312,6 +316,28 @@ class Part(BaseModel, metaclass=_Reworded):
             return super().model_copy(deep=deep)
         given = {name: value for name, value in self if name in self.model_fields_set}
         return type(self)(**{**given, **update})
+
+
+@cache
+def descriptions(part: type[Part]) -> dict[str, str]:
+    """Return the docstrings of the fields of a part; cached, because its source is parsed.
+
+    The option of pydantic for it, `use_attribute_docstrings`, parses the source of every part when it is imported.
+    """
+    found: dict[str, str] = {}
+    for cls in reversed(part.__mro__):
+        if cls is Part or not issubclass(cls, Part):
+            continue
+        try:
+            (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+        except (OSError, TypeError, SyntaxError):  # defined without a file
+            continue
+        assert isinstance(definition, ast.ClassDef)
+        for field, text in pairwise(definition.body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
+                    found[name] = inspect.cleandoc(said)
+    return {name: found[name] for name in part.model_fields if name in found}
 
 
 class Alternative(Part):

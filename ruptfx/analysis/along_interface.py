@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from ruptfx import RuptfxError
 
@@ -57,7 +57,7 @@ def body_stress(record: Files, time: float, body: str = "") -> tuple[float, dict
     stress = bulk["stress"].isel(time=row).values
     for name in [body] if body else names:
         nodes = np.flatnonzero(owner == names.index(name))
-        distance, nearest = cKDTree(points[nodes]).query(places)
+        distance, nearest = scipy.spatial.cKDTree(points[nodes]).query(places)
         there = distance <= reach
         if there.any() or body:
             break

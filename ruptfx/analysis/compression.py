@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from ruptfx import RuptfxError, Table
 from ruptfx.analysis.emission import (
@@ -231,8 +230,8 @@ def fragments(record: Files) -> int | None:
     order = np.argsort(code, kind="stable")
     place = np.searchsorted(code[order], whole @ [scale, 1])
     first, second = owner[order[place]], owner[order[place + 1]]
-    joined = coo_array((np.ones(len(first)), (first, second)), (len(cells),) * 2)
-    return int(connected_components(joined, directed=False)[0])
+    joined = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), (len(cells),) * 2)
+    return int(scipy.sparse.csgraph.connected_components(joined, directed=False)[0])
 
 
 def summarise_fracture(record: Files) -> Table:

@@ -13,9 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
+import scipy
 
 from ruptfx import RuptfxError
 from ruptfx.input.number_files import named_columns, number
@@ -229,7 +227,7 @@ def fractal_dimension(x: Array, y: Array, smallest: float, largest: float) -> Fr
     if not 0 < smallest < largest:
         raise RuptfxError(f"distances from {smallest:g} to {largest:g} m: give a range above zero, the smallest first")
     radius = np.geomspace(smallest, largest, RADII)
-    tree = KDTree(points)
+    tree = scipy.spatial.KDTree(points)
     neighbours = np.array([tree.query_ball_point(points, r, return_length=True) - 1 for r in radius], dtype=float)
     pairs = neighbours.sum(axis=1)
     without = pairs[:, None] - 2 * neighbours
@@ -370,10 +368,11 @@ def clusters(catalogue: Catalogue, distance: float, speed: float) -> Clusters:
         [m/s], for example half the shear wave speed.
     """
     n = len(catalogue)
-    tree = KDTree(np.column_stack([catalogue.x, catalogue.y]))
+    tree = scipy.spatial.KDTree(np.column_stack([catalogue.x, catalogue.y]))
     pairs = tree.query_pairs(distance, output_type="ndarray").reshape(-1, 2)
     first, second = pairs[np.abs(np.subtract(*catalogue.time[pairs].T)) < distance / speed].T
-    count, label = connected_components(coo_array((np.ones(len(first)), (first, second)), (n, n)), directed=False)
+    near = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), (n, n))
+    count, label = scipy.sparse.csgraph.connected_components(near, directed=False)
     energy = np.bincount(label, np.maximum(catalogue.energy, 0.0), count)
     rank = np.lexsort((-catalogue.energy, label))
     largest = rank[np.searchsorted(label[rank], np.arange(count))]

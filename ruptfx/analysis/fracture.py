@@ -11,9 +11,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from scipy.integrate import quad
-from scipy.optimize import brentq
-from scipy.special import ellipe
+import scipy
 
 Mode = Literal["I", "II"]
 
@@ -77,7 +75,7 @@ def k_II(speed: float, c_p: float, c_s: float, c_R: float) -> float:
         angle = np.arctan2(4 * n**2 * np.sqrt(max((n**2 - a**2) * (b**2 - n**2), 0)), (b**2 - 2 * n**2) ** 2)
         return angle / (n - 1 / speed)
 
-    factor = np.exp(quad(integrand, a, b, limit=200)[0] / np.pi)
+    factor = np.exp(scipy.integrate.quad(integrand, a, b, limit=200)[0] / np.pi)
     return float((1 - speed / c_R) / (factor * np.sqrt(1 - speed / c_s)))
 
 
@@ -124,7 +122,7 @@ def _self_similar_factor(speed: float, c_p: float, c_s: float, root: float) -> f
         bracket = b**4 + 4 * p**2 * b**2 + 4 * p**2 * lower / (p**2 + root_a * root_b)
         return bracket / (b**2 * np.sqrt(p**2 + root**2)) * (1 + p**2) ** -1.5
 
-    return float(quad(integrand, 0, np.inf, limit=500)[0])
+    return float(scipy.integrate.quad(integrand, 0, np.inf, limit=500)[0])
 
 
 def supershear_limit(c_p: float, c_s: float, c_R: float) -> float:
@@ -141,13 +139,13 @@ def supershear_limit(c_p: float, c_s: float, c_R: float) -> float:
     def rise(q: float) -> float:  # q is the slowness t / x
         return 4 * q**2 * np.sqrt(max(q**2 - c_p**-2, 0.0)) * (1 - (c_R * q) ** 2) ** -1.5
 
-    peak = quad(rise, 1 / c_p, 1 / c_s, limit=200)[0]
+    peak = scipy.integrate.quad(rise, 1 / c_p, 1 / c_s, limit=200)[0]
     return float((c_R * c_s) ** 2 * peak / self_similar_factor_II(c_R, c_p, c_s))
 
 
 def self_similar_factor_III(speed: float, c_s: float) -> float:
     """F of a mode III crack that grows at constant speed: E(k), k^2 = 1 - v^2 / c_s^2 (Source: Kostrov 1964)."""
-    return float(ellipe(1 - (speed / c_s) ** 2))
+    return float(scipy.special.ellipe(1 - (speed / c_s) ** 2))
 
 
 def half_length_at(speed: float, c_p: float, c_s: float, mode: Mode = "II") -> float:
@@ -171,7 +169,7 @@ def speed_at(half_length: float, c_p: float, c_s: float, c_R: float, mode: Mode 
     def excess(fraction: float) -> float:
         return half_length_at(fraction * c_R, c_p, c_s, mode) - half_length
 
-    return float(brentq(excess, 1e-3, 1 - 1e-6)) * c_R if excess(1e-3) < 0 else 0.0
+    return float(scipy.optimize.brentq(excess, 1e-3, 1 - 1e-6)) * c_R if excess(1e-3) < 0 else 0.0
 
 
 def static_process_zone(modulus: float, slip: float, strength_drop: float) -> float:
@@ -206,4 +204,4 @@ def generalized_rayleigh_speed(speeds: Sequence[tuple[float, float, float]], mod
     grid = np.linspace(low * (1 + 1e-9), high * (1 - 1e-9), 200)
     values = np.array([compliance(c) for c in grid])
     change = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return float(brentq(compliance, grid[change[0]], grid[change[0] + 1])) if len(change) else None
+    return float(scipy.optimize.brentq(compliance, grid[change[0]], grid[change[0] + 1])) if len(change) else None

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from scipy.optimize import brentq
 
 from ruptfx.analysis.fracture import rayleigh_function
 from ruptfx.figure_style import GUIDE, MUTED, WIDTH, note
@@ -150,5 +150,5 @@ def _rayleigh(record: Files) -> float | None:
             c_s = float(np.sqrt(each["young_modulus"] / (2 * (1 + nu) * each["density"])))
             ratio = 2 / (1 - nu) if record.case["plane"] == "stress" else (2 - 2 * nu) / (1 - 2 * nu)
             c_p = c_s * float(np.sqrt(ratio))
-            speeds.append(float(brentq(rayleigh_function, 0.5 * c_s, (1 - 1e-9) * c_s, args=(c_p, c_s))))
+            speeds.append(float(scipy.optimize.brentq(rayleigh_function, 0.5 * c_s, (1 - 1e-9) * c_s, args=(c_p, c_s))))
     return min(speeds, default=None)

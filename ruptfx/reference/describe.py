@@ -30,6 +30,7 @@ from ruptfx.schema import (
     Unit,
     alternatives,
     broken,
+    descriptions,
     first_line,
     from_outside,
     kinds,
@@ -215,10 +216,10 @@ def about(topic: str) -> str:
 
 def keys_of(cls: type[Part]) -> list[Key]:
     """Return every key of a table except its `kind`."""
-    schema = cls.model_json_schema()["properties"]
+    schema, said = cls.model_json_schema()["properties"], descriptions(cls)
     return [
         Key(name, _unit(cls, name), ", ".join(filter(None, (_bounds(field), _elsewhere(cls, schema.get(name, {}))))),
-            _default(field), " ".join(_marked(field.description or "").split()))
+            _default(field), " ".join(_marked(said.get(name, "")).split()))
         for name, field in cls.model_fields.items()
         if name != "kind"
     ]  # fmt: skip

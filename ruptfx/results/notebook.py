@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ruptfx.results import summary_fields
-from ruptfx.schema import Alternative, Part, first_line, unit_of
+from ruptfx.schema import Alternative, Part, descriptions, first_line, unit_of
 
 PICTURE = 560  # largest width and height of a picture [pixels]; those of the run directory are larger
 MOST_NUMBERS = 6  # largest number of entries shown of a list
@@ -35,8 +35,8 @@ def shown_part(part: Part) -> str:
 
 
 def _unfolded(name: str, part: Part, unfold: bool) -> str:
-    rows, inner = [], []
-    for key, field in type(part).model_fields.items():
+    rows, inner, said = [], [], descriptions(type(part))
+    for key in type(part).model_fields:
         value = getattr(part, key)
         parts = dict(_parts_in(key, value))
         if parts:
@@ -44,7 +44,7 @@ def _unfolded(name: str, part: Part, unfold: bool) -> str:
         elif value is not None and value != []:
             unit = unit_of(type(part), key)
             text = _shown(value) + (f" {unit}" if unit != "1" else "")
-            rows.append(_row(key, text, field.description or "", key in part.model_fields_set))
+            rows.append(_row(key, text, said.get(key, ""), key in part.model_fields_set))
     kind = f" <i>{escape(part.kind())}</i>" if isinstance(part, Alternative) and part.kind() != name else ""
     head = f'<summary title="{escape(first_line(type(part)))}"><b>{escape(name)}</b>{kind}</summary>'
     body = f"<table>{''.join(rows)}</table>" * bool(rows) + "".join(inner)
