@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ruptfx import fem
 from ruptfx.case import Case
 from ruptfx.faults.fault import Fault
-from ruptfx.figure_style import blank_figure, styled
+from ruptfx.figure_style import blank_figure, scale, styled
 from ruptfx.meshes import RawMesh
 from ruptfx.model import Model
 from ruptfx.profiles._places import patches
@@ -45,7 +45,10 @@ def draw(case: Case) -> Figure:
     model = Model(case, fem.MPI.COMM_SELF)
     for fault in model.faults:
         _draw_interface(axes, model, fault, 0.12 * float(extent.min()))
-    axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title=case.title or None)
+    size, unit = scale(extent, "m")
+    for axis in (axes.xaxis, axes.yaxis):  # the places of names and arrows stay in metres
+        axis.set_major_formatter(lambda value, _: f"{value / size:g}")
+    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", aspect="equal", title=case.title or None)
     axes.margins(0.06)
     return figure
 
