@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from ruptfx import __version__, commands, fem
+from ruptfx import __version__, commands
 
 HEADINGS = ("Begin", "Compute", "Post-process", "Verify and extend")
 """Order of the headings under which `--help` lists the commands; a command says its own."""
@@ -72,7 +72,8 @@ def program() -> None:
     try:
         app(prog_name="ruptfx")
     except SystemExit as ended:
-        if ended.code or not fem.is_loaded():
+        fem = sys.modules.get("ruptfx.fem")  # not imported here: the help and the version do without NumPy
+        if ended.code or fem is None or not fem.is_loaded():
             raise
         fem.finish()
         atexit._run_exitfuncs()

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import errors, reported
+from ruptfx.commands._shared import begin, errors, reported
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
 
 Ranks = Annotated[int, typer.Option(min=1, help="MPI ranks to start.")]
-Memory = Annotated[float, typer.Option(min=0, help="Memory for history of the interfaces and checkpoints in GB.")]
+Memory = Annotated[float, typer.Option(min=0, help="Memory for checkpoints and the history of the interfaces, in GB.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress, no table.")]
 
 
@@ -31,6 +31,7 @@ def case_on_ranks(
     typer.Exit
         The case cannot be used, or the command has run on the ranks.
     """
+    begin(f"reading {case}", not quiet)
     from ruptfx.case import Case, read_case
     from ruptfx.platform import launch
 

@@ -57,10 +57,19 @@ def keys(context: typer.Context, incomplete: str) -> list[str]:
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help='KEY=VALUE, e.g. faults.main.initial_stress.normal="30 MPa"; repeatable.', autocompletion=keys
+        "--set", metavar="<key=value>", help='Replace a value of the case, e.g. mesh.element_size="2 mm"; repeatable.',
+        autocompletion=keys,
     ),
 ]
 EXIT_ERROR = RuptfxError.exit_code
+
+
+def begin(phase: str, show: bool = True) -> None:
+    """Name the first phase of a command on standard error, before its modules are imported; not on launched ranks."""
+    from ruptfx.platform import launch
+
+    if show and launch.RANKS not in os.environ and launch.is_first_rank():
+        errors.print(phase, soft_wrap=True)
 
 
 @contextmanager

@@ -34,8 +34,8 @@ def bench(
         Path | None,
         typer.Option(
             "--from",
-            help="Folder of further benchmarks: `tests/benchmarks` of a checkout. A package that runs from its "
-            "checkout finds them without.",
+            help="Folder of further benchmarks, as `tests/benchmarks` of a checkout; default: that of the checkout "
+            "from which ruptfx runs.",
         ),
     ] = None,
 ) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 from rich.table import Column, Table
 
-from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, reported, screen
+from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, begin, reported, screen
 from ruptfx.input.quantities import with_prefix
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
 
     Example: ruptfx check demos/impact.toml --set mesh.element_size="2 mm"
     """
+    begin(f"reading {case}")
     with reported():
         from ruptfx.case import Case, read_case
         from ruptfx.platform.progress import working
@@ -33,7 +34,7 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
         if not isinstance(parsed, Case):
             from ruptfx.lumped import TRIAL, extreme, rehearse
 
-            with working("computing the case", lines=False):
+            with working("computing the case"):
                 whole = rehearse(parsed)
             screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
             if not whole:
@@ -41,9 +42,9 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             for number in extreme(parsed):
                 screen.print(f"warning: far from the usual: {number}", style="yellow")
             return
-        from ruptfx.checks.preflight import preflight
+        with working("building the model, and measuring its steps"):
+            from ruptfx.checks.preflight import preflight
 
-        with working("building the model, and measuring its steps", lines=False):
             rows = merged(list(preflight(parsed)))
         note = Column("note", overflow="fold")
         table = Table("quantity", "value", "unit", note, title=parsed.title or str(case), title_justify="left")

@@ -17,7 +17,8 @@ HEADING = "Verify and extend"
 def check_law(
     law: Annotated[str, typer.Argument(
         help="Python file with friction laws, cohesive laws or materials, or a kind.", show_default=False)],
-    set_: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE, a parameter, e.g. mu_s=0.6.")] = None,
+    set_: Annotated[list[str] | None, typer.Option(
+        "--set", metavar="<key=value>", help="Value of a parameter, e.g. mu_s=0.6; repeatable.")] = None,
     out: Annotated[Path, typer.Option(help="Folder of the pictures.")] = Path("."),
 ) -> None:
     """Check that a law or material satisfies its contract, and draw it; exit non-zero if a check fails.

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import reported, runs, runs_and_files, screen, seconds
+from ruptfx.commands._shared import begin, reported, runs, runs_and_files, screen, seconds
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +38,9 @@ def compare(
     ] = None,
     channel: Annotated[str | None, typer.Option(help="Only this channel, such as extension_2.")] = None,
     most_shift: Annotated[
-        str | None, typer.Option(help="Largest time shift that is tried, as '5 us'; default a quarter of the record.")
+        str | None,
+        typer.Option(metavar="<time>",
+                     help="Largest time shift to try, as '5 us', or a number in s; default a quarter of the record."),
     ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Also numbers that agree.")] = False,
 ) -> None:
@@ -50,6 +52,7 @@ def compare(
 
     Example: ruptfx compare runs/impact runs/pressed --out both.png
     """
+    begin(f"reading {first} and {second}")
     with reported():
         if second.is_file():
             from ruptfx.commands._measured import show
@@ -77,7 +80,7 @@ def compare(
             if surfaces:
                 _show_rupture_times(one, other)
             out.parent.mkdir(parents=True, exist_ok=True)
-            with working("drawing the figure", lines=False):
+            with working("drawing the figure"):
                 (overlay_surfaces if surfaces else overlay)(one, other).savefig(out, dpi=150)
             screen.print(f"Picture: {out}", soft_wrap=True)
 

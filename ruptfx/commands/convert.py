@@ -17,7 +17,7 @@ def convert(
     file: Annotated[Path, typer.Argument(help="Input of SEM2DPACK, mostly Par.inp.", show_default=False)],
     out: Annotated[Path | None, typer.Option(help="Case file to write; default NAME.toml beside it.")] = None,
     without: Annotated[
-        list[str] | None, typer.Option(help="Leave out a feature that is refused, by its name.", show_default=False)
+        list[str] | None, typer.Option(help="Name of a refused feature to leave out; repeatable.", show_default=False)
     ] = None,
 ) -> None:
     """Write the case of a SEM2DPACK input, and its mesh where ruptfx has no kind for it.

@@ -6,13 +6,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, screen
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray
     from matplotlib.figure import Figure
 
@@ -24,7 +24,8 @@ def dic(
     after: Annotated[Path, typer.Argument(help="Picture after the deformation, of the same size.", show_default=False)],
     subset: Annotated[int, typer.Option(help="Side of the correlated square in pixels, odd.")] = 21,
     window: Annotated[int | None, typer.Option(help="Side of the strain window in pixels; default: --subset.")] = None,
-    pixel: Annotated[str | None, typer.Option(help="Size of a pixel, in m or as '20 um'; else in pixels.")] = None,
+    pixel: Annotated[str | None, typer.Option(
+        metavar="<length>", help="Size of a pixel, as '20 um', or a number in m; default: lengths in pixels.")] = None,
     least: Annotated[
         float, typer.Option(min=-1.0, max=1.0, help="Correlation below which a subset is lost and left blank.")
     ] = 0.7,
@@ -35,6 +36,7 @@ def dic(
     Example: ruptfx dic before.png after.png --pixel 20e-6 --out strains
     """
     with reported():
+        import numpy as np
         import xarray
 
         from ruptfx.analysis.image_correlation import correlation, displacements, spread, strains
@@ -119,6 +121,7 @@ def _grey(path: Path) -> np.ndarray:
     RuptfxError
         No picture.
     """
+    import numpy as np
     from PIL import Image
 
     try:
@@ -129,6 +132,8 @@ def _grey(path: Path) -> np.ndarray:
 
 
 def _draw(data: xarray.Dataset, path: Path) -> None:
+    import numpy as np
+
     from ruptfx.figure_style import letter, new_figure, remark, scale, styled
 
     @styled

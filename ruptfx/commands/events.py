@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import reported, screen
+from ruptfx.commands._shared import begin, reported, screen
 
 if TYPE_CHECKING:
     from ruptfx.analysis.emission import Estimates
@@ -23,26 +23,28 @@ def events(
         help="Directory of a run with fracture, or a CSV file with the columns time (s), x, y (m) and magnitude "
              "or energy (J).", show_default=False)],
     smallest: Annotated[float | None, typer.Option(
-        help="Smallest magnitude that counts; default: all of a catalogue, -10 of a run.", show_default=False)] = None,
+        help="Smallest magnitude that counts; default: no limit for a catalogue, -10 for a run.",
+        show_default=False)] = None,
     completeness: Annotated[float | None, typer.Option(
-        help="Magnitude from which on all events were recorded; default: where most are.")] = None,
+        help="Magnitude above which the catalogue is complete; default: the most frequent magnitude.")] = None,
     distances: Annotated[tuple[float, float] | None, typer.Option(
-        help="Smallest and largest distance of the fractal dimension in m; default: of a catalogue a thirtieth and a "
-             "third of the narrower extent, of a run two cells and a third of the narrower side.")] = None,
+        help="Smallest and largest distance in m for the fractal dimension; default: for a catalogue 1/30 and 1/3 of "
+             "its narrower extent, for a run two cells and 1/3 of its narrower side.")] = None,
     failure_time: Annotated[float | None, typer.Option(
-        help="Time in s of the failure after the events; default: of a run that of its first stress peak.")] = None,
+        help="Time of the failure that follows the events, in s; default: for a run its first stress peak.")] = None,
     link: Annotated[tuple[float, float] | None, typer.Option(
-        help="Distance in m and speed in m/s: closer events within the time that the speed needs are one; default: of "
-             "a run three cells and half the slowest shear wave speed.")] = None,
+        help="Distance in m and speed in m/s: events closer than the distance, and within the time that the speed "
+             "needs for it, count as one; default: for a run three cells and half the lowest c_s.")] = None,
     table: Annotated[bool, typer.Option(
-        "--csv", help="Also write all events of a run as events.csv beside its files.")] = False,
+        "--csv", help="Also write all events of a run to events.csv in its directory.")] = False,
     out: Annotated[Path | None, typer.Option(
-        help="The figure; default: events.png, of a run that of its figures.", show_default=False)] = None,
+        help="Picture; default: events.png, for a run RUN/figures/emission.png.", show_default=False)] = None,
 ) -> None:
     """Estimate b-value, fractal dimension and Omori exponent of acoustic emission with errors, and draw a figure.
 
     Example: ruptfx events catalogue.csv --completeness -1.5 --failure-time 120
     """
+    begin(f"reading {source}")
     with reported():
         if source.is_dir():
             _of_run(source, smallest, completeness, distances, failure_time, link, table, out)

@@ -6,13 +6,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from ruptfx.commands._shared import reported, runs, screen
+from ruptfx.commands._shared import begin, reported, runs, screen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    import numpy as np
 
     from ruptfx.record import Record
 
@@ -42,6 +43,7 @@ def export(
 
     Example: ruptfx export runs/impact --format vtkhdf
     """
+    begin(f"reading {run}")
     with reported():
         from ruptfx.convert import scec_files, vtk_files
         from ruptfx.record import Record
@@ -62,6 +64,8 @@ def tables(record: Record, folder: Path) -> Iterator[Path]:
 
     Fields without time are columns of one table. Yield the paths.
     """
+    import numpy as np
+
     for name, data in record.interfaces.items():
         position, along = data.position.values, data.position.dims  # of a surface its points
         still = {str(key): field for key, field in data.data_vars.items()
@@ -78,6 +82,8 @@ def tables(record: Record, folder: Path) -> Iterator[Path]:
 
 
 def _save(path: Path, header: str, rows: np.ndarray) -> Path:
+    import numpy as np
+
     np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=header)
     return path
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import first_given, reported, runs, screen
+from ruptfx.commands._shared import begin, first_given, reported, runs, screen
 
 if TYPE_CHECKING:
     import xarray
@@ -45,11 +45,13 @@ def film(
 
     Example: ruptfx film runs/impact --camera fringes
     """
+    begin(f"reading {run}")
     with reported():
         from ruptfx.cameras import camera_from, camera_of
+        from ruptfx.platform.progress import working
         from ruptfx.record import Record
 
-        with Record(run) as record:
+        with Record(run) as record, working("making the film"):
             chosen = camera_from(_table(camera)) if camera and "{" in camera else camera_of(record, camera)
             frames = chosen.film(record)
         folder = out or run / "films" / chosen.name

@@ -27,9 +27,11 @@ def infer(
     set_: Overrides = None,
     memory: Memory = 4.0,
     cores: Annotated[
-        int | None, typer.Option(min=1, help="Cores for runs at once, of cma_es and ensemble; default all.")
+        int | None, typer.Option(min=1, help="Cores for simultaneous runs of cma_es and ensemble; default all.")
     ] = None,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler for these runs.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler for these runs; default is this machine.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Recover the unknowns of a case from its data; started again, go on with an unfinished directory.

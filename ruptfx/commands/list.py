@@ -21,7 +21,7 @@ def list(
     directory: Annotated[Path, typer.Argument(help="Folder that contains run directories.")] = Path("runs"),
     quick: Annotated[bool, typer.Option("--quick", help="Do not compare files with their checksums.")] = False,
 ) -> None:
-    """List the runs below a directory: status, sliding mode, newest checkpoint, size; compare all checksums.
+    """List the runs below a directory: status, sliding mode, newest checkpoint, size; check their files.
 
     Example: ruptfx list runs --quick
     """

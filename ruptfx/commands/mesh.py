@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
+from ruptfx.commands._shared import CaseFile, Overrides, begin, reported, screen
 
 HEADING = "Compute"
 
@@ -27,6 +27,7 @@ def mesh(
 
     Example: ruptfx mesh demos/gmsh.toml --out mesh.png
     """
+    begin(f"reading {case}")
     with reported():
         from ruptfx.case import Case, read_case
 
@@ -34,12 +35,13 @@ def mesh(
         parsed = read_case(case, set_ or [])
         if not isinstance(parsed, Case):
             raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no mesh; give a case with bodies")
-        from ruptfx.drawing.mesh_drawing import draw
         from ruptfx.platform.progress import working
 
         path = out or Path(f"{case.stem}_mesh.png")
         path.parent.mkdir(parents=True, exist_ok=True)
-        with working("meshing and drawing", lines=False):
+        with working("meshing and drawing"):
+            from ruptfx.drawing.mesh_drawing import draw
+
             draw(parsed).savefig(path, dpi=150)
         screen.print(f"Picture: {path}", soft_wrap=True)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import completed_from, reported, runs, screen
+from ruptfx.commands._shared import begin, completed_from, reported, runs, screen
 
 HEADING = "Post-process"
 
@@ -42,6 +42,7 @@ def movie(
 
     Example: ruptfx movie runs/impact --what fringes --rate 3
     """
+    begin(f"reading {run}")
     with reported():
         from ruptfx import movies
         from ruptfx.platform.progress import Progress

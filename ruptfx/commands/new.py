@@ -30,13 +30,13 @@ def new(
     from_: Annotated[
         str,
         typer.Option(
-            "--from", help="A demo: impact, antiplane, bimaterial, gmsh ...; a wrong name lists them.",
+            "--from", help="A demo: impact, antiplane, bimaterial, gmsh ...; an unknown name prints the list.",
             autocompletion=completed_from(cases),
         ),
     ] = "impact",
     materials: Annotated[
         str | None,
-        typer.Option(help="One of the library for all bodies, or one each from top to bottom: pmma,aluminium."),
+        typer.Option(help="Material of all bodies, or one for each from top to bottom: pmma,aluminium."),
     ] = None,
 ) -> None:
     """Write a commented, runnable case as a template for your own.

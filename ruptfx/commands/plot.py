@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import completed_from, errors, reported, runs, screen, seconds
+from ruptfx.commands._shared import begin, completed_from, errors, reported, runs, screen, seconds
 from ruptfx.input.quantities import with_prefix
 
 HEADING = "Post-process"
@@ -23,13 +23,16 @@ def figures() -> list[str]:
 
 def plot(
     run: Annotated[Path, typer.Argument(help="Run or study directory.", autocompletion=runs, show_default=False)],
-    format_: Annotated[list[str], typer.Option("--format", help="png, pdf or svg; repeatable.")] = ["png"],  # noqa: B006
+    format_: Annotated[list[str], typer.Option(
+        "--format", metavar="<png|pdf|svg>", help="File type; repeatable.")] = ["png"],  # noqa: B006
     figure: Annotated[
         list[str] | None,
         typer.Option(help="Only this figure, such as space_time; repeatable.", autocompletion=completed_from(figures)),
     ] = None,
-    since: Annotated[str | None, typer.Option("--from", help="Only times from this one on, as '10 us'.")] = None,
-    until: Annotated[str | None, typer.Option("--to", help="Only times up to this one, as '30 us'.")] = None,
+    since: Annotated[str | None, typer.Option(
+        "--from", metavar="<time>", help="Only times from this one on, as '10 us', or a number in s.")] = None,
+    until: Annotated[str | None, typer.Option(
+        "--to", metavar="<time>", help="Only times up to this one, as '30 us', or a number in s.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
 ) -> None:
     """Draw the figures of a run, or the map of a study, again; needs no DOLFINx.
@@ -41,6 +44,7 @@ def plot(
 
     Example: ruptfx plot runs/impact --figure space_time --from "10 us" --to "30 us" --format pdf
     """
+    begin(f"reading {run}")
     with reported():
         if (figure or since or until) and any((run / name).exists() for name in ("study.json", "result.nc")):
             raise RuptfxError(f"{run}: --figure, --from and --to are for runs with bodies; leave them out")
@@ -58,14 +62,14 @@ def plot(
             return
         from ruptfx import plots
         from ruptfx.platform.progress import working
-        from ruptfx.record import Record
+        from ruptfx.record import Files
         from ruptfx.schema import nearest
 
         for name in figure or []:
             if name not in plots.FIGURES:
                 raise RuptfxError(f"--figure {name}: {nearest(name, list(plots.FIGURES))}")
         first, last = seconds("--from", since), seconds("--to", until)
-        with Record(run, trust) as record, record.between(first, last) as part:
+        with Files(run, trust) as record, record.between(first, last) as part:
             for name in figure or []:
                 if not plots.suits(name, part):
                     drawn = ", ".join(each for each in plots.FIGURES if plots.suits(each, part))
@@ -75,7 +79,7 @@ def plot(
                 f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
                 for word, time in (("from", first), ("to", last)) if time is not None
             )  # fmt: skip
-            with working("drawing the figures", lines=False):
+            with working("drawing the figures"):
                 paths = plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times)
             for path in paths:
                 screen.print(str(path))

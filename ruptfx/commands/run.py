@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import CaseFile, Overrides, errors, reported, screen
+from ruptfx.commands._shared import CaseFile, Overrides, begin, errors, reported, screen
 from ruptfx.platform.progress import Progress, working
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def run(
     from ruptfx.drawing import figure_process
     from ruptfx.platform import launch
 
+    begin(f"reading {case}", not quiet)
     launches = ranks > 1 and launch.RANKS not in os.environ
     if launches:
         figure_process.prepare()  # started now because a core is idle
@@ -68,14 +69,13 @@ def run(
                 _show_summary(out, verbose)
                 _show_pictures(out)
         return
-    with reported():
+    with reported(), working("loading DOLFINx", not quiet and launch.is_first_rank()):
         from ruptfx import fem
+        from ruptfx.simulation import simulate
 
-        with working("loading DOLFINx", not quiet and launch.RANKS not in os.environ, lines=False):
-            comm = fem.MPI.COMM_WORLD
+        comm = fem.MPI.COMM_WORLD
     with reported(comm):
         launch.check_size(comm.size)
-        from ruptfx.simulation import simulate
 
         def complete() -> None:
             if not quiet:
@@ -136,10 +136,10 @@ def _show_summary(out: Path, verbose: bool) -> None:
 
 
 def _closest_to_slip(out: Path) -> str:
-    from ruptfx import Record
     from ruptfx.plots._strength import closest_to_slip
+    from ruptfx.record import Files
 
-    with Record(out, trust=True) as record:  # its code has just run
+    with Files(out, trust=True) as record:  # its code has just run
         return closest_to_slip(record)
 
 

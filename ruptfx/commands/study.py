@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import EXIT_ERROR, Overrides, reported, screen
+from ruptfx.commands._shared import EXIT_ERROR, Overrides, begin, reported, screen
 
 HEADING = "Compute"
 
@@ -27,6 +27,7 @@ def study(
 
     Example: ruptfx study demos/slip_weakening_map.toml --cores 2
     """
+    begin(f"reading {file}", not quiet)
     with reported():
         from ruptfx.study import read_study, run_study
 

@@ -44,6 +44,12 @@ def need_fem() -> None:
         raise no_fem("No module named 'dolfinx'")
 
 
+def is_first_rank() -> bool:
+    """Return whether this process is rank 0, or runs alone, without loading MPI: from what its launcher has set."""
+    set_by = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")  # Open MPI, MPICH, others
+    return next((os.environ[name] for name in set_by if name in os.environ), "0") == "0"
+
+
 def find_mpiexec() -> str:
     """Return `mpiexec` next to this Python, else `mpirun` of the system.
 

@@ -16,19 +16,18 @@ from ruptfx.platform.terminal import console
 
 
 @contextmanager
-def working(on: str, show: bool = True, lines: bool = True) -> Iterator[None]:
+def working(on: str, show: bool = True) -> Iterator[None]:
     """Name a phase of unknown length: a spinner with a clock on a terminal, elsewhere one line.
 
     Parameters
     ----------
     on : str
         What is being done, such as "building the model".
-    show, lines : bool
-        Show anything, and show it where there is no terminal.
+    show : bool
     """
     screen = _console()
     if not (show and screen.is_terminal):
-        if show and lines:
+        if show:
             screen.print(on)
         yield
         return

@@ -393,7 +393,8 @@ def test_reading_a_run_runs_none_of_its_code(command: list[str], foreign: Path, 
         trusted = in_a_new_process(tmp_path / "mark", *given, "--trust")
         assert trusted.returncode == 0 and (tmp_path / "mark").read_text() == "ran "
         assert trusted.stdout == done.stdout  # the same figures
-        assert trusted.stderr.split() == ["plug-in", f"{foreign}/plugins/my_law.py:", "friction", "my_law"]
+        named = [line for line in trusted.stderr.splitlines() if line.startswith("plug-in")]
+        assert named == [f"plug-in {foreign}/plugins/my_law.py: friction my_law"]
 
 
 @pytest.mark.fem
@@ -455,7 +456,8 @@ def test_commands_that_run_code_name_its_file_once(
     assert done.returncode == 0, done.stderr
     file = tmp_path / "stopped" / "plugins" / "my_law.py" if command[0] == "resume" else tmp_path / "case" / "my_law.py"
     # The copy that a longer run has until it is complete has the same content.
-    assert done.stderr.splitlines() == [f"plug-in {file}: friction my_law"]
+    named = [line for line in done.stderr.splitlines() if line.startswith("plug-in")]
+    assert named == [f"plug-in {file}: friction my_law"]
     assert (tmp_path / "mark").read_text() == "ran "
 
 
