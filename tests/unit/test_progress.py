@@ -28,7 +28,7 @@ def test_quiet(capsys):
 
 
 def test_phases_are_named(capsys, monkeypatch):
-    with working("building the model"), working("loading", lines=False), working("drawing", show=False):
+    with working("building the model"), working("drawing", show=False):
         pass
     assert capsys.readouterr() == ("", "building the model\n")
     monkeypatch.setenv("RUPTFX_TERMINAL", "1")
