@@ -225,4 +225,10 @@ def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:
             raise CaseError(f"operator = '{kind}': unknown, {nearest(kind, kinds('ruptfx.operators'))}")
         outside = from_outside("ruptfx.operators", kind)
     name = "".join(word.capitalize() for word in kind.split("_"))
-    return (outside or getattr(own_module("ruptfx.operators", kind), name))(bulk)
+    made = (outside or getattr(own_module("ruptfx.operators", kind), name))(bulk)
+    if bulk.large_rotations and not isinstance(made, EnergyOperator):
+        raise CaseError(
+            f"operator = '{kind}': has no strain energy of bodies that turn, which large_rotations needs; use "
+            "operator = 'matrix_free' or 'ufl_form'"
+        )
+    return made

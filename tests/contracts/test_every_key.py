@@ -16,7 +16,7 @@ from typing import Any, get_args
 import h5py
 import numpy as np
 import pytest
-from helpers.small_cases import COMPLIANT, HOMALITE, merged
+from helpers.small_cases import COMPLIANT, HOMALITE, merged, required
 
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case
@@ -114,7 +114,7 @@ def base(plane: str, stepper: str) -> dict[str, Any]:
             "nucleation": [{"kind": "overstress", "extra": 1e4}],
         }},
         "boundaries": boundaries, "damping": {"mass": 1e4, "kelvin_voigt": {}} if steps.inertia else {},
-        "stepper": {"kind": stepper, **OF_STEPPERS.get(stepper, {})},
+        "stepper": {"kind": stepper, **required(stepper), **OF_STEPPERS.get(stepper, {})},
         "output": {"figures": False, "rupture_threshold": 1e-5},
     }  # fmt: skip
     return merged(given, PLANES[plane])

@@ -342,7 +342,7 @@ def test_rigid_contact_is_the_same_by_whatever_name(stepper: str) -> None:
             motion.step(state)
         assert np.abs(state.faults["main"]["slip"]).max() > 0
         fields.append({**state.faults["main"], "displacement": state.displacement})
-    assert len(RIGID) == 3
+    assert len(RIGID) > 1
     for other in fields[1:]:
         for name, values in fields[0].items():
             np.testing.assert_array_equal(other[name], values, err_msg=name)

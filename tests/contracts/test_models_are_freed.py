@@ -7,7 +7,7 @@ import weakref
 from typing import Any
 
 import pytest
-from helpers.small_cases import case
+from helpers.small_cases import case, required
 
 from ruptfx.case import Case
 from ruptfx.schema import alternatives
@@ -35,7 +35,7 @@ def after_a_step(given: Case, freed: list[str]) -> list[weakref.ref[Any]]:
 @pytest.mark.parametrize("stepper", alternatives("ruptfx.steppers"))
 def test_nothing_keeps_a_model_its_motion_or_a_matrix(stepper: str) -> None:
     freed: list[str] = []
-    left = after_a_step(case({"stepper": {"kind": stepper}}), freed)
+    left = after_a_step(case({"stepper": {"kind": stepper, **required(stepper)}}), freed)
     gc.collect()
     assert [each() for each in left] == [None, None]
     assert freed == ["PETSc's communicator"]

@@ -110,7 +110,8 @@ STABLE = {**ANY_STEPPER, "a": 0.02, "b": 0.005, "theta_initial": 10.0}
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_energy_budget_is_as_open_as_a_stepper_says(kind: str) -> None:
     """Driven, loaded and sliding, with dampers where there is inertia: what is missing is below `closure` in all steps,
-    and who leaves more open than solvers do says why."""
+    and who leaves more open than solvers do says why. The energy of springs is counted from that under the initial
+    stress, whose rounding exceeds 1e-9 of the work of a first step of 5 ns."""
     stepper = KINDS[kind]
     assert stepper.closure <= 1e-9 or stepper.why_open
     worst: dict[str, float] = {}
@@ -128,12 +129,16 @@ def test_the_energy_budget_is_as_open_as_a_stepper_says(kind: str) -> None:
             continue
         model = Model(busy)
         motion, state = busy.stepper.bind(model), model.initial_state()
+        fault = model.faults[0]
+        normal, shear = fault.normal_stress_0, fault.shear_traction_0[:, 0]
+        held = fault.interface.weight @ fault.contact.stored(normal, [shear], 0 * normal, [0 * shear])
         missing, work = 0.0, 0.0
         while state.time < 10e-6:
             motion.step(state)
             energy = motion.energies(state)
             work = max(work, abs(energy["boundary_work"]))
-            missing = max(missing, abs(2 * energy["boundary_work"] - sum(energy.values())) / work)
+            lost = 2 * energy["boundary_work"] - sum(energy.values())
+            missing = max(missing, (abs(lost) - np.finfo(float).eps * held) / work)
         worst[contact["kind"]] = missing
         assert energy["frictional_dissipation"] > 1e-7 * work and energy["strain"] > 0.01 * work
     assert worst and max(worst.values()) <= stepper.closure, worst

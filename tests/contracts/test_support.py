@@ -11,16 +11,17 @@ from typing import Any, get_args
 import pytest
 from helpers.crack_cases import HERE, block, faulted
 from helpers.messages import facts, facts_of
-from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates, strike_slip
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates, required, strike_slip
 from typer.testing import CliRunner
 
 from ruptfx.case import parse_case
 from ruptfx.check_law.examples import table, tables
 from ruptfx.cli import app
+from ruptfx.contact import ContactMethod
 from ruptfx.materials import Plane
 from ruptfx.reference.support_table import columns, features, judge
 from ruptfx.schema import Alternative, CaseError, alternatives, set_key
-from ruptfx.support import Change, UnsupportedError
+from ruptfx.support import Change, UnsupportedError, overrides
 
 pytest.importorskip("dolfinx")
 
@@ -30,6 +31,7 @@ from ruptfx.model import Model
 pytestmark = pytest.mark.fem
 
 STEPPERS, METHODS = alternatives("ruptfx.steppers"), alternatives("ruptfx.contact")
+STEPS = {kind: {"kind": kind, **required(kind)} for kind in STEPPERS}
 AGEING = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}
 BOND = {"kind": "linear", "f_t": 1e6, "c": 2e6, "G_Ic": 10.0, "G_IIc": 20.0}
 SIDES = [{"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"} for body in ("lower", "upper")]
@@ -72,11 +74,11 @@ OF_CRACKS: dict[str, dict[str, Any]] = {
 }
 CELLS: list[tuple[str, dict[str, Any]]] = [
     (f"{method}, {stepper}, {feature}", plates({
-        **SMALL, "faults.main.contact": {"kind": method, **table(METHODS[method])}, "stepper": {"kind": stepper},
+        **SMALL, "faults.main.contact": {"kind": method, **table(METHODS[method])}, "stepper": STEPS[stepper],
         **changes,
     })) for method, stepper, (feature, changes) in product(METHODS, STEPPERS, FEATURES.items())
 ] + [
-    (f"{kind}, {stepper}, {feature}", block({"fracture.kind": kind, "stepper": {"kind": stepper}, **changes}))
+    (f"{kind}, {stepper}, {feature}", block({"fracture.kind": kind, "stepper": STEPS[stepper], **changes}))
     for kind, stepper, (feature, changes) in product(alternatives("ruptfx.cracks"), STEPPERS, OF_CRACKS.items())
 ] + [
     (f"{kind} beside {method}", faulted({
@@ -161,7 +163,7 @@ def test_the_table_says_what_cases_are_refused() -> None:
     accepted = {name: is_accepted(given) for name, given in CELLS}
     for method, stepper in product(METHODS, STEPPERS):
         contact = {"kind": method, **table(METHODS[method])}
-        given = {**SMALL, "faults.main.contact": contact, "stepper": {"kind": stepper}, "stages": [{"duration": 2e-6}]}
+        given = {**SMALL, "faults.main.contact": contact, "stepper": STEPS[stepper], "stages": [{"duration": 2e-6}]}
         accepted[f"{method}, {stepper}, stages"] = is_accepted(plates(given))  # without the damping of the other case
     seen = set()
     for row, feature in ROWS.items():
@@ -193,7 +195,7 @@ def test_the_table_says_with_which_steppers_attachments_are_refused(kind: str) -
     attached = tomllib.loads(f"example = {ATTACHMENTS[kind].example}")["example"]
     found = set()
     for stepper in STEPPERS:
-        given = {**SMALL, "faults.main.contact": COMPLIANT, "stepper": {"kind": stepper}, "attachments": [attached]}
+        given = {**SMALL, "faults.main.contact": COMPLIANT, "stepper": STEPS[stepper], "attachments": [attached]}
         assert judged(f"attachment {kind}", "stepper", stepper) == is_accepted(plates(given))
         found.add(is_accepted(plates(given)))
     assert found == {True, False}
@@ -247,16 +249,23 @@ def test_no_name_is_broken_in_a_narrow_terminal() -> None:
 # -- remedies -------------------------------------------------------------------------------------------------------
 
 
+def elastic(stepper: str) -> set[str]:
+    """Return the contact methods with a stiffness that the steps can use."""
+    ways = STEPPERS[stepper].time_schemes
+    return {kind for kind, cls in METHODS.items()
+            if overrides(cls, ContactMethod, "stiffness") and all(getattr(cls, way) for way in ways)}  # fmt: skip
+
+
 @pytest.mark.parametrize("stepper", ["petsc_ts", "quasi_dynamic"])
 @pytest.mark.parametrize("method", ["split_node", "forward_lagrange", "augmented_lagrangian"])
 def test_no_remedy_leads_in_a_circle(stepper: str, method: str) -> None:
-    """Messages named rigid kinds of contact in turn; these steps take `compliant`."""
+    """Messages named rigid kinds of contact in turn; these steps take springs."""
     with pytest.raises(UnsupportedError) as refused:
         parse_case(plates({
             "stepper": {"kind": stepper}, "faults.main.contact": {"kind": method}, "faults.main.friction": AGEING,
         }))  # fmt: skip
     kinds = {c.kind for changes in refused.value.remedies for c in changes if c.keys == ("faults.main.contact",)}
-    assert kinds == {"compliant"}
+    assert kinds == elastic(stepper) != set()
 
 
 def test_faults_of_one_kind_change_together() -> None:
@@ -266,7 +275,7 @@ def test_faults_of_one_kind_change_together() -> None:
     with pytest.raises(UnsupportedError, match=r"^faults\.a\.contact\.kind = .*, faults\.b\.contact\.kind") as refused:
         parse_case(plates({"faults": faults, "stepper": {"kind": "petsc_ts"}}))
     keys = ("faults.a.contact", "faults.b.contact")
-    assert [change.kind for (change,) in refused.value.remedies if change.keys == keys] == ["compliant"]
+    assert [change.kind for (change,) in refused.value.remedies if change.keys == keys] == [*elastic("petsc_ts")]
 
 
 # -- keys without effect -------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from pydantic import PrivateAttr
 from ruptfx.case import Case, parse_case
 from ruptfx.check_law.examples import holds, table
 from ruptfx.meshes import MeshSource
-from ruptfx.schema import alternatives
+from ruptfx.schema import alternatives, unit_of
 
 # The default operator, or the one under test everywhere: RUPTFX_TEST_OPERATOR=ufl_form python -m pytest
 OPERATOR = os.environ.get("RUPTFX_TEST_OPERATOR", "matrix_free")
@@ -341,3 +341,9 @@ def required(stepper: str) -> dict[str, Any]:
     cls = alternatives("ruptfx.steppers")[stepper]
     needed = {name for name, field in cls.model_fields.items() if field.is_required()}
     return {name: value for name, value in (table(cls) if needed else {}).items() if name in needed}
+
+
+def springs(contact: str, stiffness: float) -> dict[str, Any]:
+    """A contact method whose springs, if it has any, all have this stiffness."""
+    cls = alternatives("ruptfx.contact")[contact]
+    return {"kind": contact, **{name: stiffness for name in cls.model_fields if unit_of(cls, name) == "Pa/m"}}

@@ -82,8 +82,12 @@ def test_files_named_in_the_text_exist(path: str) -> None:
     assert (PACKAGE / path).is_file() or (PACKAGE.parent / path).is_file()
 
 
-def examples_in_their_folders(root: Path) -> None:
-    """Write every example but the line of a list to the file that its section says, below a copy of the settings."""
+def examples_in_their_folders(root: Path) -> set[str]:
+    """Write every example but the line of a list to the file that its section says, below a copy of the settings.
+
+    Return their kinds.
+    """
+    written = set()
     kinds = {  # named after a function
         "Figure": "opening", "Movie": "displacement", "Command": "size", "Benchmark": "rayleigh_example",
     }  # fmt: skip
@@ -94,7 +98,22 @@ def examples_in_their_folders(root: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         assert not (folder / f"{kind}.py").exists()
         (folder / f"{kind}.py").write_text(EXAMPLES[title], encoding="utf-8")
+        written.add(kind)
     (root / "pyproject.toml").write_bytes((PACKAGE.parent / "pyproject.toml").read_bytes())
+    return written
+
+
+def in_a_copy(root: Path, *folders: str) -> set[str]:
+    """Write every example to its folder in a copy of some folders of the repository; return their kinds."""
+    for name in folders:
+        shutil.copytree(PACKAGE.parent / name, root / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    return examples_in_their_folders(root)
+
+
+def python_in(root: Path, *arguments: str, timeout: float) -> subprocess.CompletedProcess[str]:
+    """Run Python in a copy of the repository, whose package it imports."""
+    return subprocess.run([sys.executable, *arguments], cwd=root, capture_output=True, text=True, timeout=timeout,
+                          env={**os.environ, "PYTHONPATH": str(root)})  # fmt: skip
 
 
 def test_examples_pass_ruff_in_their_folders(tmp_path: Path) -> None:
@@ -109,12 +128,44 @@ def test_examples_pass_ruff_in_their_folders(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_examples_pass_mypy_in_their_folders(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
-    for name in ("ruptfx", "tests/benchmarks"):
-        shutil.copytree(PACKAGE.parent / name, tmp_path / name, ignore=shutil.ignore_patterns("demos", "__pycache__"))
-    examples_in_their_folders(tmp_path)
-    done = subprocess.run([sys.executable, "-m", "mypy"], cwd=tmp_path, capture_output=True, text=True, timeout=300,
-                          env={**os.environ, "PYTHONPATH": str(tmp_path)})  # fmt: skip
+    in_a_copy(tmp_path, "ruptfx", "tests/benchmarks", "demos")
+    done = python_in(tmp_path, "-m", "mypy", timeout=300)
     assert done.returncode == 0, done.stdout
+
+
+OF_EXAMPLES = """
+import re
+
+def pytest_collection_modifyitems(items):
+    items[:] = [item for item in items if {kinds} & {{item.path.stem, *re.split(r"[][-]", item.name)}}]
+"""
+"""Plug-in of pytest that keeps the tests with a kind among their parameters, and those of a file for all kinds."""
+
+
+def contracts_of_examples(root: Path, *files: str) -> None:
+    """Run the contract tests of all examples in a copy of the repository."""
+    kinds = in_a_copy(root, "ruptfx", "tests", "demos")
+    (root / "of_examples.py").write_text(OF_EXAMPLES.format(kinds={*kinds, "test_support"}), encoding="utf-8")
+    done = python_in(root, "-m", "pytest", "-p", "no:cacheprovider", "-p", "of_examples", *files, timeout=900)
+    assert done.returncode == 0, done.stdout
+
+
+SHORT = ("cracks", "figures", "large_rotations", "sliding", "steppers")
+"""Files of contract tests that take some seconds for all examples."""
+
+
+@pytest.mark.fem
+def test_examples_keep_short_contracts_in_their_folders(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    contracts_of_examples(tmp_path, *(f"tests/contracts/test_{name}.py" for name in SHORT))
+
+
+@pytest.mark.slow
+@pytest.mark.fem
+def test_examples_keep_all_contracts_in_their_folders(tmp_path: Path) -> None:
+    """And every remedy of a refusal is accepted, and the table of support is true, with them among the kinds."""
+    pytest.importorskip("dolfinx")
+    contracts_of_examples(tmp_path, "tests/contracts", "--ignore=tests/contracts/test_every_key.py")
 
 
 # -- examples --------------------------------------------------------------------------------------------------------
