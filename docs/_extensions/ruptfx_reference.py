@@ -3,6 +3,7 @@
 - ``{ruptfx-entries} TOPIC``: every kind or table of a topic of `ruptfx describe`.
 - ``{ruptfx-commands}``: every command with its arguments and options.
 - ``{ruptfx-fields}``: the fields of interface.h5.
+- ``ruptfx-figures``, in a block of reStructuredText: every function of `ruptfx.plots` that draws a figure.
 - ``{ruptfx-support} TOPIC``: which features work with which steppers, contact methods, planes or materials.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`, after one of a row for each benchmark.
 - ``{ruptfx-problems} FILE``: the verification problems of a TOML file, each with picture, source, error and verdict.
@@ -28,9 +29,9 @@ from docutils import nodes
 from docutils.parsers.rst import Directive
 from pydantic import BaseModel
 from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxRole
+from sphinx.util.docutils import SphinxDirective, SphinxRole
 
-from ruptfx import bench
+from ruptfx import bench, plots
 from ruptfx.bench import _speed_tables
 from ruptfx.cli import app
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
@@ -195,6 +196,14 @@ class Fields(Directive):
             text = f"{item.long_name} ({meanings})" if meanings else item.long_name
             rows.append((item.name, item.unit, f"sliding contact only: {text}"))
         return [table(("field", "unit", "what it is"), rows, (25, 10, 65))]
+
+
+class Figures(SphinxDirective):
+    """Every function that draws a figure."""
+
+    def run(self) -> list[nodes.Node]:
+        self.env.note_reread()  # made from the code, whatever files of docs changed
+        return self.parse_text_to_nodes("".join(f".. autofunction:: ruptfx.plots.{name}\n\n" for name in plots.FIGURES))
 
 
 class Support(Directive):
@@ -426,7 +435,7 @@ def without_keys(app: Sphinx, what: str, name: str, obj: object, *_: object) -> 
 
 def setup(app: Sphinx) -> dict[str, int]:
     """Register the directives and the role in Sphinx."""
-    for directive in (Entries, Commands, Fields, Support, Bench, Problems, Speed):
+    for directive in (Entries, Commands, Fields, Figures, Support, Bench, Problems, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     app.add_role("ruptfx-time", Time())
     app.connect("autodoc-process-signature", without_keys)

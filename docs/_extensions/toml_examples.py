@@ -1,4 +1,7 @@
-"""Examples of kinds as TOML: from `docs/reference/examples.toml`, from the demo cases, or declared by the kind."""
+"""Examples of kinds as TOML: from `docs/reference/examples.toml`, from the demo cases, or declared by the kind.
+
+A kind without any has its required keys, with values made from their types.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,10 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from ruptfx import Table
+from ruptfx.check_law.examples import tables
 from ruptfx.reference.describe import Entry
+from ruptfx.schema import Part, alternatives
 
 ROOT = Path(__file__).parents[2]
 WRITTEN = ROOT / "docs" / "reference" / "examples.toml"
@@ -26,7 +32,11 @@ DECLARED = {
     "boundaries": "[[boundaries]]", "attachments": "[[attachments]]", "instruments": "[[instruments]]",
     "misfits": "[[objective]]", "cameras": "[[cameras]]",
     "meshes": "[mesh]", "initial_stress": "[initial_stress]", "phases": "[mesh.phases]",
+    "friction": "[faults.main.friction]", "cohesion": "[faults.main.cohesion]", "contact": "[faults.main.contact]",
+    "nucleation": "[[faults.main.nucleation]]", "materials": "[materials.default]", "steppers": "[stepper]",
+    "cracks": "[fracture]",
 }  # fmt: skip
+"""Headings of the tables that kinds declare, or that are made from their types."""
 HEADER = re.compile(r"^\[{1,2}([\w.\"-]+)\]{1,2}", re.MULTILINE)
 SHORT, LONGEST = 350, 900  # characters: of examples the longest short one is shown
 
@@ -44,13 +54,35 @@ def example(topic: str, entry: Entry) -> tuple[str, str]:
     if found and (len(found[0][0]) < LONGEST or topic == "lumped"):
         return found[0]
     declared = entry.labels.get("example", "")
-    if not declared:
-        return "", ""
+    if topic == "operators":
+        return f'operator = "{entry.name}"\n', ""
     if topic not in DECLARED:
         key = "[faults.main.friction]\nmu_s = " if topic == "profiles" else ""
-        return f"{key}{declared}\n", ""
-    table = tomllib.loads(f"table = {declared}")["table"]
+        return f"{key}{declared}\n" if declared else "", ""
+    if declared:
+        table = tomllib.loads(f"table = {declared}")["table"]
+    elif (cls := alternatives(f"ruptfx.{topic}").get(entry.name)) is not None:
+        table = {"kind": entry.name, **_made(cls)}
+    else:
+        return "", ""
     return "\n".join([DECLARED[topic], *(f"{key} = {as_toml(value)}" for key, value in table.items())]) + "\n", ""
+
+
+def _made(cls: type[Part]) -> Table:
+    """Return the required keys of a kind with numbers of two digits that it accepts."""
+
+    def rounded(value: object) -> object:
+        if isinstance(value, dict):
+            return {name: rounded(inner) for name, inner in value.items()}
+        return float(f"{value:.2g}") if isinstance(value, float) else value
+
+    def shorten(values: Table) -> None:
+        for name in list(values):
+            value = rounded(values.pop(name))
+            if cls.model_fields[name].is_required():
+                values[name] = value
+
+    return tables(cls, 1, shorten)[0]
 
 
 def as_toml(value: object) -> str:

@@ -56,6 +56,13 @@ def flat(schema: Table) -> list[Table]:
     return [schema] if inner == [schema] else [item for entry in inner for item in flat(entry)]
 
 
+def required_part(cls: type[Part], name: str) -> type[Part] | None:
+    """Return the class of the table that a required field must be; None for other fields."""
+    field = cls.model_fields[name]
+    inside = field.annotation
+    return inside if field.is_required() and isinstance(inside, type) and issubclass(inside, Part) else None
+
+
 def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool = False) -> Table:
     """Return a table of a case with a value for every field.
 
@@ -103,6 +110,8 @@ def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool
             limits = next(item for item in options if item.get("type") == "integer")
             least = max(limits.get("minimum", 0), limits.get("exclusiveMinimum", -1) + 1)
             result[name] = min(max(1000, least), limits.get("maximum", 1000), limits.get("exclusiveMaximum", 1001) - 1)
+        elif (inside := required_part(cls, name)) is not None:
+            result[name] = table(inside, seed)
         elif "default" not in schema:
             raise NotImplementedError(f"{cls.__name__}.{name}: examples.py knows no value for {schema}")
     return result

@@ -80,12 +80,6 @@ def test_what_pages_import_is_in_the_python_reference() -> None:
     assert {name for name in names if not re.search(rf"\b{name}\b", reference)} == set()
 
 
-def test_every_figure_is_in_the_python_reference() -> None:
-    reference = (ROOT / "docs" / "reference" / "python.md").read_text()
-    figures = {path.stem for path in (ROOT / "ruptfx" / "plots").glob("[a-z]*.py")}
-    assert figures <= set(re.findall(r"autofunction:: (\w+)$", reference, re.MULTILINE))
-
-
 def test_references_are_whole_and_in_order() -> None:
     """Every entry has authors, a year and a journal or a publisher; links are those of their DOIs."""
     text = (ROOT / "docs" / "reference" / "references.md").read_text()
