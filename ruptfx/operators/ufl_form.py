@@ -9,7 +9,7 @@ import numpy as np
 
 from ruptfx import fem
 from ruptfx.materials import Plane
-from ruptfx.operators import Bulk
+from ruptfx.operators import Bulk, ViscousOperator
 from ruptfx.space import axisymmetry
 
 
@@ -83,7 +83,7 @@ def energy(bulk: Bulk, displacement: fem.Expr, dx: fem.ufl.Measure) -> fem.ufl.F
     )
 
 
-class UflForm:
+class UflForm(ViscousOperator):
     """Assembly of the derivative of the strain energy; any material, any mesh, any order.
 
     Parameters
