@@ -21,17 +21,15 @@ class Format(StrEnum):  # older Typers know no Literal
 
 
 def films() -> list[str]:
-    """Return the kinds of movies."""
-    from ruptfx.schema import own_kinds
-
-    return own_kinds("ruptfx.movies")
+    """Return the kinds of movies, the files of their folder."""
+    return sorted(path.stem for path in (Path(__file__).parents[1] / "movies").glob("[!_]*.py"))
 
 
 def movie(
     run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
     what: Annotated[
         str,
-        typer.Option(help="fringes, max_shear, slip_rate or velocity.", autocompletion=completed_from(films)),
+        typer.Option(help=f"One of {', '.join(films())}.", autocompletion=completed_from(films)),
     ] = "velocity",
     format_: Annotated[Format, typer.Option("--format", help="mp4 needs the extra movie, or ffmpeg.")] = Format.gif,
     out: Annotated[Path | None, typer.Option(help="File; default RUN/figures/WHAT.gif.")] = None,
