@@ -25,7 +25,7 @@ from benchmarks.time_order import CONTACTS, LAWS, plates
 from ruptfx import RuptfxError, Table
 from ruptfx.adjoint.bodies import value_of
 from ruptfx.adjoint.gradients import Objective
-from ruptfx.adjoint.unknowns import perturbed, places
+from ruptfx.adjoint.unknowns import Place, perturbed, places
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
 from ruptfx.case import Case
@@ -189,18 +189,26 @@ class Remainders:
         Default is `rupture()`.
     part : float
         Memory over that of the whole history; with less than one steps are computed again.
+    both_signs : bool
+        Make the runs of the opposite changes, too, and compare the branches of all runs.
 
     Attributes
     ----------
     found : dict of str to ndarray, shape (sizes,)
         Remainder over the change of first order times the size, by kind of parameter.
+    mean : dict of str to ndarray, shape (sizes,)
+        The mean of the remainders of opposite changes, without terms of odd order; empty without `both_signs`.
+    crossings : int
+        Number of steps at points, summed over all runs, in which the point sticks, slides forward, slides backward or
+        is open otherwise than in the run that was differentiated; zero without `both_signs`.
     memory : float
         That of history and checkpoints over the stated one.
     """
 
     def __init__(
-        self, comm: MPI.Comm, constants: Sequence[str] = CONSTANTS, case: Case | None = None, part: float = 1.0
-    ) -> None:
+        self, comm: MPI.Comm, constants: Sequence[str] = CONSTANTS, case: Case | None = None, part: float = 1.0,
+        both_signs: bool = False,
+    ) -> None:  # fmt: skip
         case = case or rupture()
         model = Model(case, comm).in_steps("explicit")
         made = Objective(case, case.objective, comm)
@@ -210,21 +218,28 @@ class Remainders:
             made = Objective(case, case.objective, comm, stated)
             self.memory = float(made.sweeps.made.attributes["memory"]) / stated
         gradient = {each.unknown.key: each.values for each in made.gradient()}
-        known, self.found = places(model), dict[str, np.ndarray]()
-        face = model.faults[0].interface
+        known, self.found, self.mean = places(model), dict[str, np.ndarray](), dict[str, np.ndarray]()
+        face, self.crossings, branches = model.faults[0].interface, 0, _branches(made) if both_signs else None
         for kind, size in KINDS.items():
             place = known[f"faults.main.{kind}"]
             shape = size * np.cos(face.position / 1500.0)
             slope = float(gradient[place.key] @ shape)
-            found = []
-            for each in SIZES:
+
+            def remainder(size: float, place: Place = place, shape: np.ndarray = shape, slope: float = slope) -> float:
                 if place.nucleation is None:
-                    view = perturbed(model, {(0, row): each * part * shape for row, part in place.rows})
+                    view = perturbed(model, {(0, row): size * part * shape for row, part in place.rows})
                 else:
-                    view = perturbed(model, {}, {(0, 0): each * shape})
-                value = Objective(case, case.objective, comm, model=view, record=False).value
-                found.append(abs(value - made.value - each * slope) / abs(slope))
-            self.found[kind] = np.array(found)
+                    view = perturbed(model, {}, {(0, 0): size * shape})
+                other = Objective(case, case.objective, comm, model=view, record=both_signs)
+                if branches is not None:
+                    self.crossings += int(np.count_nonzero(_branches(other) != branches))
+                return (other.value - made.value - size * slope) / abs(slope)
+
+            found = [remainder(each) for each in SIZES]
+            self.found[kind] = np.abs(found)
+            if both_signs:
+                opposite = [remainder(-each) for each in SIZES]
+                self.mean[kind] = np.abs([0.5 * (a + b) for a, b in zip(found, opposite, strict=True)])
         if constants:
             self._add_constants(fixed(case, comm), made, constants, comm)
 
@@ -247,6 +262,11 @@ class Remainders:
         return min(_order(self.found[kind], 0) for kind in KINDS)
 
     @property
+    def least_order_of_means(self) -> float:
+        """Smallest order between the first and the last size of the means of opposite changes."""
+        return min(_order(values, 0) for values in self.mean.values())
+
+    @property
     def least_order_of_small_changes(self) -> float:
         """Smallest order between the second and the last size over all parameters of the interface.
 
@@ -261,6 +281,16 @@ class Remainders:
         Not from the first size on, at which the term of third order in c_s is as large as that of second order.
         """
         return min(_order(values, 1) for kind, values in self.found.items() if kind not in KINDS)
+
+
+def _branches(made: Objective) -> np.ndarray:
+    """Return the branch of each step at each point of the first interface: direction of slip, 0 stuck, 2 open."""
+    sweeps = made.sweeps
+    points, found = sweeps.points[0], []
+    for visit in sweeps.made.forward():
+        rate, *_, stuck, opened = points.found(visit.rows[0], visit.after[0], sweeps.clocks[min(visit.step, 2)])
+        found.append(np.where(opened > 0, 2.0, np.where(stuck > 0, 0.0, np.sign(rate))))
+    return np.array(found)
 
 
 def _order(values: np.ndarray, first: int) -> float:
@@ -374,9 +404,17 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
                         "gradient exact", "at least"))  # fmt: skip
     checks.append(Check("the same by density, moduli and wave speeds of the bodies, 1e-3 to 1e-6", 2.0,
                         remainders.least_order_of_bodies, 0.05, "1", "gradient exact", "at least"))  # fmt: skip
-    compliant = Remainders(comm, (), rupture({"kind": "compliant", "C_n": 2e9, "C_s": 2e9}))
+    compliant = Remainders(comm, (), rupture({"kind": "compliant", "C_n": 2e9, "C_s": 2e9}), both_signs=fine)
     checks.append(Check("order of Taylor's remainder with compliant contact, 1e-3 to 1e-6", 2.0,
                         compliant.least_order_of_small_changes, 0.05, "1", "gradient exact", "at least"))  # fmt: skip
+    if fine:
+        checks += [
+            Check("the same, 1e-2 to 1e-6", 2.0, compliant.least_order, 0.05, "1", "gradient exact", "at least"),
+            Check("the same, 1e-2 to 1e-6, mean of opposite changes", 2.0, compliant.least_order_of_means, 0.05, "1",
+                  "terms of third order drop out", "at least"),
+            Check("steps at points on another branch in these 70 runs", 0.0, compliant.crossings, 0.0, "1",
+                  "no kinks", "at most"),
+        ]  # fmt: skip
     checks.append(Check("transpose through a rupture in 3D: |<Jx, y> - <x, J'y>|", 0.0, mismatch(rupture_3d(), comm),
                         1e-12, "1", "exact transposes"))  # fmt: skip
     solid = Remainders(comm, (), rupture_3d(), PART)
