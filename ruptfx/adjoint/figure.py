@@ -28,18 +28,26 @@ def draw(found: xarray.Dataset) -> Figure:
     for ax, name in zip(axes[:, 0], fields, strict=False):
         values = found[name]
         fault = str(values.dims[0]).removeprefix("point_")
+        weight_unit = found[f"weight_{fault}"].attrs["units"]
         position, weight = found[f"position_{fault}"].values, found[f"weight_{fault}"].values
         size, unit = scale(position, "m")
         density = values.values / weight
         ax.axhline(0.0, color="0.7", lw=0.6)
         ax.plot(position / size, density, lw=1.0)
         ax.set_title(f"{name}", loc="left", fontsize="small")
-        ax.set_ylabel(f"{values.attrs['units']}/{found[f'weight_{fault}'].attrs['units']}")
+        ax.set_ylabel(f"per {'length' if weight_unit == 'm' else 'area'}\n({_per(values.attrs['units'], weight_unit)})")
         ax.set_xlabel(f"Position ({unit})" if ax is axes[len(fields) - 1, 0] else "")
     if not fields:
         axes[0, 0].bar(np.arange(len(numbers)), [float(found[name]) for name in numbers])
         axes[0, 0].set_xticks(np.arange(len(numbers)), numbers, rotation=20, ha="right")
         axes[0, 0].set_ylabel(f"derivative ({found['objective'].attrs['units']} per unit)")
     unit = found["objective"].attrs["units"]
-    figure.suptitle(f"Sensitivity of the objective, {float(found['objective']):.6g} {unit}")
+    value = f"{float(found['objective']):.6g}" + (f" {unit}" if unit != "1" else "")
+    figure.suptitle(f"Derivative of the objective, which is {value}")
     return figure
+
+
+def _per(unit: str, length: str) -> str:
+    """Return the unit of a derivative per length or area."""
+    above, _, below = unit.partition("/")
+    return f"{above}/({below.strip('()')} {length})" if below else f"{above}/{length}"
