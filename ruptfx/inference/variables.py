@@ -114,9 +114,11 @@ class Variable:
             )
         inside = (low < self.start) & (self.start < high)
         if not inside.all():
+            unit = f" {place.unit}" if place.unit != "1" else ""
             raise CaseError(
-                f"{key}.bounds = {unknown.bounds}: exclude the value of the case, "
-                f"{self.start[np.argmin(inside)]:g} {place.unit}, from which the search begins; widen them"
+                f"{key}.bounds = {unknown.bounds}: do not contain the value of the case, "
+                f"{self.start[np.argmin(inside)]:g}{unit}, from which the search begins, between them; widen them, or "
+                "change the case"
             )
         self._t0 = self._t(self.start)
         self._low, self._high = ((-np.inf, np.inf) if unknown.bounds is None else

@@ -215,7 +215,7 @@ def text_of(path: Path) -> str:
             )
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read ({error})") from None
+        raise ValueError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
 
 def with_units(path: Path) -> dict[str, tuple[list[float], str]]:

@@ -79,13 +79,18 @@ class Traces(Misfit):
     def _complete(self) -> Traces:
         if not self.data or len(self.times) < 1:
             raise ValueError("there are no data; give a file, or times, data and units")
-        if np.any(np.diff(self.times) <= 0):
-            raise ValueError("times must increase")
+        if len(late := np.flatnonzero(np.diff(self.times) <= 0)):
+            before, after = self.times[late[0] : late[0] + 2]
+            raise ValueError(f"times: {after:g} s after {before:g} s; they must increase, sort the data")
         for name, values in self.data.items():
             if len(values) != len(self.times):
                 raise ValueError(f"data.{name}: {len(values)} values at {len(self.times)} times; give one for each")
             if name not in self.units:
                 raise ValueError(f"data.{name}: has no unit; add it to units, or to the header of the file")
+            try:
+                factor(self.units[name], None)
+            except ValueError as error:
+                raise ValueError(f"units.{name} = '{self.units[name]}': {error}") from None
         return self
 
     @property
@@ -146,7 +151,7 @@ class Traces(Misfit):
         shifted = times + self.time_shift
         if shifted[0] < 0 or shifted[-1] > duration * (1 + 1e-9):
             shift = f" with time_shift = {self.time_shift:.6g} s" if self.time_shift else ""
-            remedy = "narrow the bounds of the shift, make the run longer" if self.time_shift else "make it longer"
+            remedy = f"{'narrow the bounds of the shift, ' if self.time_shift else ''}make the run longer (duration)"
             raise CaseError(
                 f"{key}.times: data from {shifted[0]:.6g} s to {shifted[-1]:.6g} s{shift}, and the run lasts "
                 f"{duration:.6g} s; {remedy}, or give begin and end"
