@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from ruptfx import RuptfxError, fem
 from ruptfx.adjoint.bodies import ConstantChange
 from ruptfx.adjoint.comparison import SIZE, Comparison
+from ruptfx.adjoint.differences import check_use, runs_at_once
 from ruptfx.adjoint.history import LARGEST
 from ruptfx.adjoint.sweeps import Sweeps, Told
 from ruptfx.adjoint.unknowns import Place, chosen, perturbed
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     import xarray
 
 Floats = NDArray[np.float64]
+Runs = Callable[[Sequence[tuple[Place, float]], Callable[[int], None]], list[float]]
+"""Makes runs in which one unknown each is changed, tells how many are finished, and returns their objectives."""
 
 
 @dataclass(frozen=True)
@@ -171,13 +175,17 @@ class Objective:
             found += of_term
         return np.concatenate([r for r, _ in found]), np.concatenate([factor for _, factor in found])
 
-    def change(self, changes: Sequence[tuple[Place, Floats]]) -> Floats:
+    def change(
+        self, changes: Sequence[tuple[Place, Floats]], tell: Told = lambda done, text: None
+    ) -> Floats:
         """Return the changes of all readings, one after the other, from those of unknowns; collective.
 
         Parameters
         ----------
         changes : sequence of (Place, ndarray)
             Changes at all points of the interface of the place in their order, or of a number.
+        tell : callable
+            Called with the finished fraction and a text.
         """
         of_parameters = [np.zeros_like(each) for each in self.sweeps.parameters]
         of_nucleations = []
@@ -201,7 +209,7 @@ class Objective:
 
         if not any(place.of_points for place, _ in changes):
             return of_terms
-        return of_terms + np.concatenate(self.sweeps.tangent(of_parameters, loads))
+        return of_terms + np.concatenate(self.sweeps.tangent(of_parameters, loads, tell))
 
     def pull(
         self, factors: Floats, unknowns: Sequence[Unknown], tell: Told = lambda done, text: None
@@ -255,7 +263,8 @@ class Objective:
 
 def gradient(
     case: Case, objective: Sequence[Misfit] | Misfit | None = None, unknowns: Sequence[Unknown | str] = (),
-    comm: fem.MPI.Comm | None = None, progress: bool = True, memory: float = LARGEST, check: bool = False,
+    comm: fem.MPI.Comm | None = None, progress: bool = True, memory: float = LARGEST, check: bool = False, *,
+    cores: int = 1, scheduler: str | None = None,
 ) -> xarray.Dataset:  # fmt: skip
     """Return the objective of a case and its exact gradient; one run forward and one sweep backward; collective.
 
@@ -277,6 +286,10 @@ def gradient(
     check : bool
         Compare with differences of two more runs for each unknown of an interface, changed uniformly by 1e-4 of its
         value: attributes `by_differences` and `difference_step` beside `uniform_change`.
+    cores : int
+        With more than one, processes as those of a study make these runs at once. The result does not depend on it.
+    scheduler : str, optional
+        Address of a dask scheduler whose workers make these runs.
 
     Returns
     -------
@@ -291,7 +304,8 @@ def gradient(
     ------
     RuptfxError
         On all ranks, before the first step: no objective, unknowns that the case does not have, data outside of the
-        run, features without an adjoint; after the sweep: a given unknown that the objective does not depend on.
+        run, features without an adjoint, `cores` or `scheduler` without `check` or on several ranks; after the sweep:
+        a given unknown that the objective does not depend on.
     """
     comm = comm or fem.MPI.COMM_WORLD
     terms = [objective] if isinstance(objective, Misfit) else list(objective or case.objective)
@@ -299,6 +313,8 @@ def gradient(
         raise CaseError("objective: there is none; add an entry [[objective]], such as kind = 'final_slip'")
     given = [Unknown(key=each) if isinstance(each, str) else each for each in unknowns] or list(case.unknowns)
     show = progress and comm.rank == 0
+    if cores > 1 or scheduler is not None:
+        check_use(check, comm)
     with working("building the model", show):
         model = Model(case, comm)
     refuse(model)
@@ -316,12 +332,20 @@ def gradient(
             )
     dataset = made.dataset(found)
     if check:
-        for other in compare(made, found):
+        with ExitStack() as stack:
+            at_once = None
+            if cores > 1 or scheduler is not None:
+                at_once = stack.enter_context(runs_at_once(case, terms, cores, scheduler))
+            compared = compare(made, found, tell=stack.enter_context(Progress(show)).update, at_once=at_once)
+        for other in compared:
             dataset[other.key].attrs |= {"by_differences": other.by_differences, "difference_step": other.change}
     return dataset
 
 
-def compare(made: Objective, derivatives: Sequence[Derivative], size: float = SIZE) -> list[Comparison]:
+def compare(
+    made: Objective, derivatives: Sequence[Derivative], size: float = SIZE, tell: Told = lambda done, text: None,
+    at_once: Runs | None = None,
+) -> list[Comparison]:  # fmt: skip
     """Return derivatives by uniform changes of unknowns, and central differences; collective.
 
     Two runs are made for each unknown. Constants of bodies and of contact are left out: the time step depends on them.
@@ -334,37 +358,63 @@ def compare(made: Objective, derivatives: Sequence[Derivative], size: float = SI
     size : float
         Change over the largest value of the unknown; of an unknown that is zero, over that of the normal stress if it
         is a stress, else 1 in its unit.
+    tell : callable
+        Called with the finished fraction and a text.
+    at_once : callable, optional
+        Makes the runs at once (`ruptfx.adjoint.differences`); without it one is made after the other.
     """
-    found = []
+    steps: list[tuple[Derivative, float]] = []
     for each in derivatives:
         place = each.place
-        if place.constant is not None or place.of_contact:
-            continue
-        values = []
-        if place.term is not None:
-            number, name = place.term
-            change = size * made.case.duration
-            for sign in (1, -1):
-                terms = list(made.terms)
-                value = float(getattr(terms[number], name)) + sign * change
-                terms[number] = terms[number].substituted({name: value})
-                other = Objective(made.case, terms, made.model.comm, model=made.model, record=False)
-                values.append(other.value)
+        if place.constant is None and not place.of_contact:
+            steps.append((each, size * (made.case.duration if place.term is not None else _scale(made, each))))
+    changes = [(each.place, sign * step) for each, step in steps for sign in (1, -1)]
+    count, values = len(changes), list[float]()
+    if at_once is not None:
+        values = at_once(changes, lambda done: tell(done / max(count, 1), f"differences  run {done} of {count}"))
+    else:
+        for number, (place, change) in enumerate(changes):
+
+            def told(done: float, text: str, number: int = number) -> None:
+                tell((number + done) / count, f"differences  run {number + 1} of {count}, {text}")
+
+            values.append(value_of_change(made.case, made.terms, made.sweeps.model, place, change, told))
+    return [
+        Comparison(each.place.key, each.place.unit, step, float(each.values.sum()), (up - down) / (2 * step))
+        for (each, step), up, down in zip(steps, values[::2], values[1::2], strict=True)
+    ]
+
+
+def value_of_change(
+    case: Case, terms: Sequence[Misfit], model: Model, place: Place, change: float,
+    tell: Told = lambda done, text: None,
+) -> float:  # fmt: skip
+    """Return the objective of a run in which an unknown is changed by the same at all points; collective.
+
+    Parameters
+    ----------
+    case : Case
+    terms : sequence of Misfit
+    model : Model
+        Of the case, with the contact methods of explicit steps.
+    place : Place
+        Of the unknown.
+    change : float
+        In its unit.
+    tell : callable
+        Called with the finished fraction and a text.
+    """
+    terms, view = list(terms), model
+    if place.term is not None:
+        number, name = place.term
+        terms[number] = terms[number].substituted({name: float(getattr(terms[number], name)) + change})
+    else:
+        points = np.full(len(model.faults[place.fault].interface.weight), change)
+        if place.nucleation is not None:
+            view = perturbed(model, {}, {(place.fault, int(place.key.split(".")[-2])): points})
         else:
-            change = size * _scale(made, each)
-            points = np.full(len(made.sweeps.points[place.fault].fault.interface.weight), change)
-            for sign in (1, -1):
-                if place.nucleation is not None:
-                    amplitudes = {(place.fault, int(place.key.split(".")[-2])): sign * points}
-                    view = perturbed(made.sweeps.model, {}, amplitudes)
-                else:
-                    rows = {(place.fault, name): sign * part * points for name, part in place.rows}
-                    view = perturbed(made.sweeps.model, rows)
-                other = Objective(made.case, made.terms, made.model.comm, model=view, record=False)
-                values.append(other.value)
-        slope = (values[0] - values[1]) / (2 * change)
-        found.append(Comparison(place.key, place.unit, change, float(each.values.sum()), slope))
-    return found
+            view = perturbed(model, {(place.fault, name): part * points for name, part in place.rows})
+    return Objective(case, terms, model.comm, tell=tell, model=view, record=False).value
 
 
 def _scale(made: Objective, derivative: Derivative) -> float:

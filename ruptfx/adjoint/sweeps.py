@@ -137,8 +137,9 @@ class Sweeps:
     # -- sweeps ------------------------------------------------------------------------------------------------
 
     def tangent(
-        self, changes: list[Floats], loads: Callable[[int, float], Floats | None] = lambda fault, time: None
-    ) -> list[Floats]:
+        self, changes: list[Floats], loads: Callable[[int, float], Floats | None] = lambda fault, time: None,
+        tell: Told = lambda done, text: None,
+    ) -> list[Floats]:  # fmt: skip
         """Return the changes of all readings from those of the parameters; collective.
 
         Parameters
@@ -148,6 +149,8 @@ class Sweeps:
         loads : callable
             Change of the shear traction that nucleations add to a fault at a time along its direction of shear [Pa],
             shape (n,).
+        tell : callable
+            Called with the finished fraction and a text.
         """
         size = len(self.model.mass)
         u, v = np.zeros(size), np.zeros(size)
@@ -174,6 +177,7 @@ class Sweeps:
                 fields[points.fault.name] = _named(points, changed)
             u += self.dt * v
             self.readings.observe_change(step + 1, u, v, fields)
+            tell((step + 1) / self.steps, f"sensitivity  step {step + 1} of {self.steps}")
         return [sample.values for sample in self.readings.samples()]
 
     def tangents_of_bodies(

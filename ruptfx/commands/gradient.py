@@ -26,6 +26,10 @@ def gradient(
     check: Annotated[
         bool, typer.Option("--check", help="Compare with differences of two more runs for each unknown.")
     ] = False,
+    cores: Annotated[int, typer.Option(min=1, help="Cores for simultaneous runs of --check.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler for these runs; default is this machine.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Differentiate the objective of a case by its unknowns: one run forward and one sweep backward.
@@ -35,7 +39,9 @@ def gradient(
     from ruptfx.platform import launch
 
     out = out or Path("gradients") / case.stem
-    parsed = case_on_ranks("gradient", case, ranks, out, set_ or [], memory, quiet, ["--check"] * check)
+    flags = ["--check"] * check + (["--cores", str(cores)] if cores > 1 else [])
+    flags += ["--scheduler", scheduler] if scheduler else []
+    parsed = case_on_ranks("gradient", case, ranks, out, set_ or [], memory, quiet, flags)
     with reported():
         from ruptfx import fem
 
@@ -45,7 +51,8 @@ def gradient(
         from ruptfx.adjoint.gradients import gradient as differentiate
         from ruptfx.platform import parallel
 
-        found = differentiate(parsed, comm=comm, progress=not quiet, memory=1e9 * memory, check=check)
+        found = differentiate(parsed, comm=comm, progress=not quiet, memory=1e9 * memory, check=check,
+                              cores=cores, scheduler=scheduler)  # fmt: skip
 
         def write() -> None:
             from ruptfx.adjoint.figure import draw

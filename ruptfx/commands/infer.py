@@ -11,7 +11,7 @@ from rich.table import Table
 
 from ruptfx import RuptfxError
 from ruptfx.commands._gradients import Memory, Quiet, Ranks, case_on_ranks
-from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
+from ruptfx.commands._shared import CaseFile, Overrides, errors, reported, screen
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
@@ -27,7 +27,8 @@ def infer(
     set_: Overrides = None,
     memory: Memory = 4.0,
     cores: Annotated[
-        int | None, typer.Option(min=1, help="Cores for simultaneous runs of cma_es and ensemble; default all.")
+        int | None,
+        typer.Option(min=1, help="Cores for simultaneous runs; default all for cma_es and ensemble, 1 for gauss_newton."),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler for these runs; default is this machine.")
@@ -49,8 +50,9 @@ def infer(
         read = read_case(case, set_ or [])
     if _fitted(read, ranks, out, quiet):
         return
-    at_once = _makes_runs_at_once(read)
-    if not at_once and ((cores or 1) > 1 or scheduler):
+    wanted = (cores or 1) > 1 or scheduler is not None
+    at_once = _makes_runs_at_once(read, wanted)
+    if not at_once and wanted:
         with reported():
             from ruptfx.inference.pool import check_method
 
@@ -88,16 +90,25 @@ def infer(
                         interval = f"± {0.5 * float(np.ptp(each.interval, axis=0).mean()):.3g} on average"
                 table.add_row(each.key, f"{first:.6g}", best, interval, each.unit, "at bound" if each.at_bound else "")
             screen.print(table)
+            if made.exceeds_noise:
+                errors.print(
+                    "The misfit is larger than noise explains, and the intervals do not hold: the search is in a local "
+                    "minimum or at a kink (start elsewhere, or use method = 'cma_es'), or sigma, law or mesh are "
+                    "wrong.",
+                    style="yellow", soft_wrap=True,
+                )  # fmt: skip
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
             files += ", tradeoffs.png" * (len(made.samples) > 1)
             screen.print(f"Files: {out} ({files})", soft_wrap=True)
 
 
-def _makes_runs_at_once(case: Case | LumpedModel) -> bool:
+def _makes_runs_at_once(case: Case | LumpedModel, wanted: bool) -> bool:
+    """Return whether other processes make the runs: with some methods always, with others if it is wanted."""
     from ruptfx.case import Case
-    from ruptfx.inference.searches import AT_ONCE
+    from ruptfx.inference.searches import AT_ONCE, COLUMNS_AT_ONCE
 
-    return isinstance(case, Case) and case.inference is not None and case.inference.method in AT_ONCE
+    methods = AT_ONCE + COLUMNS_AT_ONCE * wanted
+    return isinstance(case, Case) and case.inference is not None and case.inference.method in methods
 
 
 def _fitted(parsed: Case | LumpedModel, ranks: int, out: Path, quiet: bool) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ruptfx import RuptfxError
 
 Floats = NDArray[np.float64]
-Derivatives = Literal["none", "gradient", "history", "jacobian"]
+Derivatives = Literal["none", "gradient", "history"]
 
 
 @dataclass(frozen=True)

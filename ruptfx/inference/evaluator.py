@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from ruptfx import RuptfxError, fem
 from ruptfx.adjoint.gradients import Derivative, Objective, refuse
+from ruptfx.adjoint.sweeps import Told
 from ruptfx.adjoint.unknowns import Place, chosen, perturbed
 from ruptfx.case import Case
 from ruptfx.inference.evaluations import Derivatives, Evaluation
@@ -71,15 +71,18 @@ class Evaluator:
             for number, (unknown, place) in enumerate(chosen(self._model, case.unknowns))
         ]
         self._ends = np.cumsum([0, *(each.size for each in self.variables)]).tolist()
-        self._check_bounds_of_terms()
+        self._check_terms()
         self.case_with(np.zeros(self._ends[-1]))  # refuses keys that take no profile before the first run
         self.has_prior = np.concatenate([np.full(each.size, each.has_prior) for each in self.variables])
         self.bounds = np.concatenate([np.tile(each.box, (each.size, 1)) for each in self.variables])
         self._last: tuple[Floats, Objective] | None = None
 
-    def _check_bounds_of_terms(self) -> None:
-        """Refuse bounds of a parameter of a term at which its data leave the run; collective."""
-        bodies = ModelReadings(self._model, lambda points: np.zeros((len(points), 6)))
+    def _check_terms(self) -> None:
+        """Refuse data that the run does not have, also with a parameter of a term at its bounds; collective."""
+        # Stress of one everywhere, so that readings of the initial stress are found, which have no derivative.
+        bodies = ModelReadings(self._model, lambda points: np.ones((len(points), 6)))
+        for number, term in enumerate(self.case.objective):
+            term.requests(bodies, f"objective.{number}")
         for each in self.variables:
             if each.place.term is not None and each.unknown.bounds is not None:
                 number, name = each.place.term
@@ -116,7 +119,10 @@ class Evaluator:
                 found[number] = found[number].substituted({name: float(each.values(part_of_z)[0])})
         return found
 
-    def evaluate(self, z: Floats, derivatives: Derivatives = "gradient", first: bool = False) -> Evaluation:
+    def evaluate(
+        self, z: Floats, derivatives: Derivatives = "gradient", first: bool = False,
+        tell: Told = lambda done, text: None,
+    ) -> Evaluation:  # fmt: skip
         """Make a run; collective.
 
         Parameters
@@ -124,31 +130,56 @@ class Evaluator:
         z : ndarray, shape (n,)
             The same bitwise on all ranks.
         derivatives : str
-            "none"; "gradient"; "history", for products that follow; or "jacobian".
+            "none"; "gradient"; or "history", for products that follow.
         first : bool
             Refuse unknowns that the objective does not depend on.
+        tell : callable
+            Called with the finished fraction and a text.
         """
-        made = Objective(self.case, self._terms(z), self.comm, self._memory, model=self._changed(z),
-                         record=derivatives != "none")  # fmt: skip
-        keeps = derivatives in ("history", "jacobian")
-        self._last = (z, made) if keeps else None
+        forward = 0.5 if derivatives == "gradient" else 1.0
+        made = Objective(
+            self.case, self._terms(z), self.comm, self._memory, lambda done, text: tell(forward * done, text),
+            self._changed(z), record=derivatives != "none",
+        )  # fmt: skip
+        self._last = (z, made) if derivatives == "history" else None
         prior = 0.5 * float(np.sum(np.square(z[self.has_prior])))
         gradient = np.zeros(0)
         if derivatives == "gradient":
-            of_misfit = self._pull(z, made.gradient(self.case.unknowns), first)
+            backward = made.gradient(self.case.unknowns, lambda done, text: tell(forward + (1 - forward) * done, text))
+            of_misfit = self._pull(z, backward, first)
             gradient = of_misfit + np.where(self.has_prior, z, 0.0)
         readings = np.concatenate([sample.values for _, sample in made.samples])
         residuals = made.residuals()
         if not np.isfinite(made.value) or not np.all(np.isfinite(gradient)):
             raise RuptfxError("infer: misfit or gradient are not finite; give bounds to the unknowns")
         of_terms = np.zeros(0) if residuals is None else residuals[0]
-        found = Evaluation(z, made.value, prior, gradient, readings, of_terms, np.zeros((0, 0)))
-        return replace(found, jacobian=self.jacobian(z, first)) if derivatives == "jacobian" else found
+        return Evaluation(z, made.value, prior, gradient, readings, of_terms, np.zeros((0, 0)))
 
-    def jacobian(self, z: Floats, first: bool = False) -> Floats:
+    def jacobian(self, z: Floats, first: bool = False, tell: Told = lambda done, text: None) -> Floats:
         """Return the derivative of the residuals, by a tangent-linear sweep for each variable; collective."""
+        count, found = self._ends[-1], []
+        for number in range(count):
+
+            def told(done: float, text: str, number: int = number) -> None:
+                tell((number + done) / count, f"variable {number + 1} of {count}, {text}")
+
+            found.append(self.column(z, number, told))
+        return self.assembled(found, first)
+
+    def column(self, z: Floats, number: int, tell: Told = lambda done, text: None) -> Floats:
+        """Return the derivative of the residuals by one variable; collective."""
         made, factor = self._linearised(z)
-        found = np.array([factor * made.change(self._push(z, row)) for row in np.eye(self._ends[-1])]).T
+        return factor * made.change(self._push(z, np.eye(self._ends[-1])[number]), tell)
+
+    def assembled(self, columns: Sequence[Floats], first: bool = False) -> Floats:
+        """Return the derivative of the residuals from its columns; collective.
+
+        Raises
+        ------
+        RuptfxError
+            A column is not finite, or with `first` zero.
+        """
+        found = np.array(columns).T
         for each, (a, b) in zip(self.variables, pairwise(self._ends), strict=True):
             if first and not np.any(found[:, a:b]):
                 _refuse_unfelt(each)
@@ -191,10 +222,18 @@ class Evaluator:
             values = each.values(part)
             uniform = each.unknown.shape == "number" and float(np.ptp(each.start)) == 0
             order = np.argsort(each.position)
-            case = case.changed(each.unknown.key, float(values[0]) if uniform else {
+            new = float(values[0]) if uniform else {
                 "kind": "table", "positions": each.position[order].tolist(), "values": values[order].tolist(),
                 "extend": True,
-            })  # fmt: skip
+            }  # fmt: skip
+            try:
+                case = case.changed(each.unknown.key, new)
+            except CaseError as error:
+                if not np.any(z):
+                    raise
+                raise CaseError(
+                    f"{error}; the search has reached this value: give '{each.unknown.key}' bounds without it"
+                ) from None
         return case
 
 

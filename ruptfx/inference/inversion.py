@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ruptfx import RuptfxError, fem
 from ruptfx.adjoint.history import LARGEST
+from ruptfx.adjoint.sweeps import Told
 from ruptfx.case import Case, read_case
 from ruptfx.inference import evaluations, posterior, searches
 from ruptfx.inference.evaluations import Derivatives, Evaluation
@@ -60,7 +61,9 @@ class Inversion:
         self._runs: list[Evaluation] = []
         self._iterates: list[int] = []
         self._expected = 0
+        self._first_of_iteration = 0  # the number of its first run
         self._posterior: Posterior | None = None
+        self._bar = Progress(False)
         searches.check(self._settings.method, case, self.evaluator.variables)
         self._known: dict[int, Evaluation] = parallel.on_root(comm, self._open)
         measured = [term.measured() for term in case.objective]
@@ -81,7 +84,9 @@ class Inversion:
     # -- runs --------------------------------------------------------------------------------------------------------
 
     def _evaluate(self, z: Floats, derivatives: Derivatives = "gradient") -> Evaluation:
-        return self.evaluator.evaluate(z, derivatives, first=not self._runs)
+        part = 1.0 if derivatives != "history" else 1 / (1 + len(z))  # the columns of its Jacobian may follow
+        told = self._told_within(0.0, part, len(self._runs))
+        return self.evaluator.evaluate(z, derivatives, first=not self._runs, tell=told)
 
     def _known_run(self, number: int, z: Floats, derivatives: Derivatives) -> Evaluation | None:
         """Return a run from its file; without it forget those after it, which may be of another search."""
@@ -171,13 +176,19 @@ class Inversion:
         run = self._runs[number]
         if run.jacobian.size:
             return run.jacobian
+        count = len(run.variables)
+        told, first = self._told_within(1 / (1 + count), 1.0, number), not self._iterates
         if self.pool is not None:
-            (self._runs[number],) = self.pool.make({number: run.variables}, "jacobian")
+
+            def finished(done: int) -> None:
+                told(done / count, f"variables {done} of {count}")
+
+            found = self.evaluator.assembled(self.pool.columns(number, run.variables, finished), first)
         else:
-            found = self.evaluator.jacobian(run.variables, first=not self._iterates)
-            self._runs[number] = replace(run, jacobian=found)
-            self._save(number, self._runs[number])
-        return self._runs[number].jacobian
+            found = self.evaluator.jacobian(run.variables, first, told)
+        self._runs[number] = replace(run, jacobian=found)
+        self._save(number, self._runs[number])
+        return found
 
     def _nearest(self, z: Floats) -> int:
         return int(np.argmin([float(np.abs(run.variables - z).max()) for run in self._runs]))
@@ -185,9 +196,10 @@ class Inversion:
     def accept(self, z: Floats) -> None:
         """Count a run as an iterate, and write the files; collective."""
         self._iterates.append(self._nearest(z))
+        self._first_of_iteration = len(self._runs)
         if self._iterates[-1] >= max(self._known, default=-1):
             parallel.on_root(self._comm, self._write)
-        self.tell((len(self._iterates) - 1) / self._settings.iterations, f"iteration {len(self._iterates) - 1}")
+        self.tell(self._part_done(0.0), f"iteration {len(self._iterates) - 1}")
 
     def accept_best(self) -> None:
         """Count the best run as an iterate; collective."""
@@ -197,6 +209,26 @@ class Inversion:
         """Show the progress."""
         self._bar.update(min(done, 1.0), f"{what}, run {len(self._runs)}, {self._told()}")
 
+    def _part_done(self, part: float) -> float:
+        """Return the finished part of a search, from that of the run in progress; the search may end earlier."""
+        if self._expected:
+            return (len(self._runs) + part) / self._expected
+        return (len(self._iterates) + part) / (self._settings.iterations + 1)
+
+    def _told_within(self, begin: float, end: float, number: int) -> Told:
+        """Return what shows the progress of work on a run that takes a part of an iteration.
+
+        The number of runs of an iteration is unknown: each further one takes half of the rest.
+        """
+        about = f"run {number + 1}" + (f", {self._told()}" if self._iterates else "")
+        rest = 1.0 if self._expected else 0.5 ** max(number - self._first_of_iteration, 0)
+
+        def told(done: float, text: str) -> None:
+            part = 1 - rest * (1 - begin - (end - begin) * done)
+            self._bar.update(min(self._part_done(part), 1.0), f"{about}, {text}")
+
+        return told
+
     def _told(self) -> str:
         misfit = self._runs[self._iterates[-1]].misfit
         return f"misfit {misfit:.6g}" + (f", {2 * misfit / self._data:.3g} of noise" if self._data else "")
@@ -205,7 +237,8 @@ class Inversion:
         """Search with the method of the case; collective."""
         with Progress(show) as self._bar:
             reason, samples = searches.METHODS[self._settings.method](self, self._settings)
-            number = self._iterates[-1]
+        number = self._iterates[-1]
+        with Progress(show) as self._bar:
             self._posterior = self._uncertainty(number, samples)
         parallel.on_root(self._comm, self._write)
         best = self._runs[number]
@@ -240,7 +273,7 @@ class Inversion:
         def product(change: Floats) -> Floats:
             nonlocal products
             products += 1
-            self.tell(1.0, f"band, product {products}")
+            self.tell(products / (2 * settings.directions), f"band, product {products}")  # about two for each
             return self.evaluator.curvature_times(best.variables, change)
 
         found = posterior.of_products(best.variables, product, settings.directions)
@@ -333,8 +366,8 @@ def infer(
     memory : float
         Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].
     cores : int
-        With more than one, the runs of a generation of `cma_es` and of the walkers of `ensemble` are made at once, by
-        processes as those of a study. The result does not depend on it.
+        With more than one, processes as those of a study compute at once the runs of a generation of `cma_es` and of
+        the walkers of `ensemble`, and the columns of the Jacobians of `gauss_newton`. The result does not depend on it.
     ranks : int
         MPI ranks of each of these runs.
     scheduler : str, optional

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.inference.evaluations import Derivatives, Evaluation, file_of, load_one
-from ruptfx.inference.searches import AT_ONCE
+from ruptfx.inference.searches import AT_ONCE, COLUMNS_AT_ONCE
 from ruptfx.misfits import Inference
 from ruptfx.schema import CaseError
 from ruptfx.study import workers
-from ruptfx.study.cluster import Client, Interrupted, stoppable
+from ruptfx.study.cluster import Client, Interrupted, answers, stoppable
 from ruptfx.study.cluster import opened as opened_cluster
 
 if TYPE_CHECKING:
@@ -63,28 +63,46 @@ class Pool:
         RuptfxError
             A run has failed; finished ones are kept.
         """
-        from distributed import as_completed
-
-        jobs = {
-            self._client.submit(
-                workers.on_child, self._ranks, {
-                    "out": str(self._out), "number": number, "variables": z.tolist(), "derivatives": derivatives,
-                    "memory": self._memory,
-                }, None, SERVER, key=f"{self._out}-{number}-{derivatives}", pure=False, retries=0,
-            ): number for number, z in runs.items()
+        jobs: dict[int, Table] = {
+            number: {
+                "out": str(self._out), "number": number, "variables": z.tolist(), "derivatives": derivatives,
+                "memory": self._memory,
+            } for number, z in runs.items()
         }  # fmt: skip
-        for count, job in enumerate(as_completed(list(jobs)), 1):
-            if (error := job.exception()) is not None:
-                if isinstance(error, RuptfxError):
-                    raise error
-                lost = f"infer: run {jobs[job] + 1} was lost ({type(error).__name__}: {error})"
-                raise RuptfxError(f"{lost}; the same command repeats it")
-            answer = job.result()
-            job.release()
-            if answer["status"] != "done":
-                raise RuptfxError(answer["error"])
-            tell(count)
+        answers(self._client, jobs, self._ranks, SERVER, f"{self._out}-{derivatives}",
+                lambda number, why: f"infer: run {number + 1} was lost ({why}); the same command repeats it",
+                tell)  # fmt: skip
         return [load_one(file_of(self._out / "evaluations", number)) for number in runs]
+
+    def columns(
+        self, number: int, z: Floats, tell: Callable[[int], None] = lambda count: None
+    ) -> list[Floats]:
+        """Make the tangent-linear sweeps of a Jacobian at once, and return its columns.
+
+        A process that has not made the run makes it first.
+
+        Parameters
+        ----------
+        number : int
+            Of the run.
+        z : ndarray, shape (n,)
+            Its variables.
+        tell : callable
+            Called with the number of finished columns.
+
+        Raises
+        ------
+        RuptfxError
+            A sweep has failed.
+        """
+        jobs: dict[int, Table] = {
+            column: {"out": str(self._out), "variables": z.tolist(), "column": column, "memory": self._memory}
+            for column in range(len(z))
+        }
+        found = answers(self._client, jobs, self._ranks, SERVER, f"{self._out}-{number}-column",
+                        lambda column, why: f"infer: the sensitivity of run {number + 1} to variable {column + 1} was "
+                        f"lost ({why}); the same command repeats it", tell)  # fmt: skip
+        return [np.array(found[column]["column"]) for column in range(len(z))]
 
 
 @contextmanager
@@ -106,17 +124,17 @@ def opened(out: Path, memory: float, cores: int, ranks: int, scheduler: str | No
 
 
 def check_method(case: Case) -> None:
-    """Refuse a pool where runs depend on each other.
+    """Refuse a pool where neither runs nor columns of a Jacobian are independent of each other.
 
     Raises
     ------
     CaseError
     """
     method = (case.inference or Inference()).method
-    if method not in AT_ONCE:
+    if method not in (*AT_ONCE, *COLUMNS_AT_ONCE):
         raise CaseError(
             f"inference.method = '{method}': makes one run after the other; use several ranks for each (--ranks), and "
-            "neither --cores nor --scheduler, or method = 'cma_es' or 'ensemble'"
+            "neither --cores nor --scheduler, or method = 'gauss_newton', 'cma_es' or 'ensemble'"
         )
 
 

@@ -99,6 +99,11 @@ class Result:
         """The last accepted run."""
         return self.runs[self.iterates[-1]]
 
+    @property
+    def exceeds_noise(self) -> bool:
+        """True if the misfit is more than four standard deviations above its mean for noise alone."""
+        return self.data > 0 and 2 * self.best.misfit / self.data > 1 + 4 * (2 / self.data) ** 0.5
+
     def dataset(self) -> xarray.Dataset:
         """Return unknowns, data, fit and misfits with positions and units."""
         import xarray

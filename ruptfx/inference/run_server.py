@@ -25,9 +25,11 @@ class Runs:
         self._evaluator: Evaluator | None = None
 
     def __call__(self, job: Job, comm: fem.MPI.Comm) -> Table:
-        """Make a run and write its file; collective."""
+        """Make a run and write its file, or return a column of the Jacobian of a run; collective."""
         out = Path(job["out"])
         evaluator = self._of(out, job["memory"], comm)
+        if "column" in job:
+            return {"column": evaluator.column(np.array(job["variables"]), job["column"]).tolist()}
         made = evaluator.evaluate(np.array(job["variables"]), job["derivatives"], first=job["number"] == 0)
         parallel.on_root(comm, lambda: evaluations.save(out / "evaluations", job["number"], made))
         return {}

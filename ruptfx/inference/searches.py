@@ -28,6 +28,8 @@ BURNED = 0.3
 """Part of the steps of an ensemble that is left out, in which it moves to the posterior."""
 AT_ONCE = "cma_es", "ensemble"
 """Methods whose runs do not depend on each other within a generation or a step of the walkers."""
+COLUMNS_AT_ONCE = ("gauss_newton",)
+"""Methods whose runs depend on each other, and the columns of whose Jacobians do not."""
 FIRST_STEP = 0.5
 """Standard deviation of the first generation of CMA-ES, in variables."""
 

@@ -1,10 +1,10 @@
-"""The dask.distributed cluster on which studies and inferences make their runs, by default one on this machine."""
+"""The dask.distributed cluster of studies, inferences and comparisons of gradients, by default on this machine."""
 
 from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -41,13 +41,13 @@ class Client(Protocol):
 
 
 @contextmanager
-def opened(marker: Path, address: str | None, cores: int | None, ranks: int) -> Iterator[Client]:
+def opened(marker: Path | None, address: str | None, cores: int | None, ranks: int) -> Iterator[Client]:
     """Open a dask client: of the scheduler at `address`, or of threads in this process that start the runs.
 
     Parameters
     ----------
-    marker : Path
-        A file in the directory of the results, which all workers must see.
+    marker : Path or None
+        A file in the directory of the results, which all workers must see; None where they need no directory.
     address : str or None
     cores : int or None
         Cores of this machine, without an address; None is all that this process may use.
@@ -64,7 +64,7 @@ def opened(marker: Path, address: str | None, cores: int | None, ranks: int) -> 
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise RuptfxError(
-            f"studies and inferences on several cores need dask.distributed ({error}): pip install 'ruptfx[study]'"
+            f"runs at once on several cores need dask.distributed ({error}): pip install 'ruptfx[study]'"
         ) from None
     workers.open_for_work()
     with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
@@ -89,24 +89,71 @@ def opened(marker: Path, address: str | None, cores: int | None, ranks: int) -> 
                 client.run(workers.close_children)
 
 
-def _check_workers(client: Client, marker: Path) -> None:
+def answers(
+    client: Client, jobs: Mapping[int, Table], ranks: int, server: str, name: str,
+    lost: Callable[[int, str], str], tell: Callable[[int], None] = lambda count: None,
+) -> dict[int, Table]:  # fmt: skip
+    """Make jobs at once by the children of the workers, and return the values of their answers.
+
+    Parameters
+    ----------
+    client : Client
+    jobs : mapping of int to dict
+    ranks : int
+        MPI ranks of each child.
+    server : str
+        Program of the children, which answers as `case_server.serve` does.
+    name : str
+        Of the jobs, unlike that of other jobs of the cluster.
+    lost : callable
+        Returns the message for the number of a job without an answer and the reason.
+    tell : callable
+        Called with the number of finished jobs.
+
+    Raises
+    ------
+    RuptfxError
+        A job has failed or was lost.
+    """
+    from distributed import as_completed
+
+    pending = {
+        client.submit(workers.on_child, ranks, job, None, server, key=f"{name}-{number}", pure=False, retries=0): number
+        for number, job in jobs.items()
+    }
+    found: dict[int, Table] = {}
+    for count, done in enumerate(as_completed(list(pending)), 1):
+        if (error := done.exception()) is not None:
+            if isinstance(error, RuptfxError):
+                raise error
+            raise RuptfxError(lost(pending[done], f"{type(error).__name__}: {error}"))
+        answer = done.result()
+        done.release()
+        if answer["status"] != "done":
+            raise RuptfxError(answer["error"])
+        found[pending[done]] = answer["values"]
+        tell(count)
+    return found
+
+
+def _check_workers(client: Client, marker: Path | None) -> None:
     try:
-        seen = client.run(_version_and_file, str(marker))
+        seen = client.run(_version_and_file, marker and str(marker))
     except Exception as error:
         raise RuptfxError(f"the workers cannot import ruptfx {__version__}: {error}") from None
     for worker, (version, there) in seen.items():
         if version != __version__:
             raise RuptfxError(f"worker {worker} has ruptfx {version}, this is {__version__}; install the same")
-        if not there:
+        if marker is not None and not there:
             raise RuptfxError(
                 f"worker {worker} does not see {marker.parent}: --out must be on a file system that all share"
             )
 
 
-def _version_and_file(marker: str) -> tuple[str, bool]:
+def _version_and_file(marker: str | None) -> tuple[str, bool]:
     """Return the version of a worker, and whether it sees a file."""
     workers.open_for_work()
-    return __version__, Path(marker).is_file()
+    return __version__, marker is not None and Path(marker).is_file()
 
 
 @contextmanager

@@ -489,6 +489,33 @@ def test_differences_agree_where_there_are_no_kinks() -> None:
     assert "by_differences" not in found["materials.default.density"].attrs
 
 
+def test_differences_at_once_are_those_one_after_the_other() -> None:
+    """By two cores and by one worker: bitwise, for a number of the law, a nucleation and a shift of the data."""
+    pytest.importorskip("distributed")
+    from distributed import LocalCluster
+
+    keys = ["faults.main.friction.D_c", "faults.main.nucleation.0.extra", "objective.0.time_shift"]
+    case = bench.rupture().changed("duration", 0.3)
+    times = {"times": [0.1, 0.2], "data": {"velocity": [0.0, 0.1]}, "units": {"velocity": "m/s"}, "sigma": 0.3}
+    case = case.changed("objective", [{"kind": "traces", "instrument": "body", **times},
+                                      {"kind": "final_slip", "sigma": 1.0, "target": 0.3}])  # fmt: skip
+
+    def compared(**at_once: Any) -> list[tuple[float, float]]:
+        found = gradient(case, unknowns=keys, progress=False, check=True, **at_once)
+        return [(found[key].attrs["by_differences"], found[key].attrs["difference_step"]) for key in keys]
+
+    alone = compared()
+    assert all(slope for slope, _ in alone)
+    assert compared(cores=2) == alone
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        assert compared(scheduler=cluster.scheduler_address) == alone
+
+
+def test_cores_without_a_comparison_are_refused() -> None:
+    with pytest.raises(RuptfxError, match=facts("are for the runs of --check; add --check")):
+        gradient(bench.rupture(), progress=False, cores=2)
+
+
 def test_the_command_names_unknowns_near_kinks(tmp_path: Path) -> None:
     """With slip weakening points begin to slide a step earlier for 600 Pa more, and the objective has kinks."""
     from typer.testing import CliRunner
