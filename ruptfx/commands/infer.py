@@ -15,6 +15,7 @@ from ruptfx.commands._shared import CaseFile, Overrides, errors, reported, scree
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
+    from ruptfx.inference.result import Recovered
     from ruptfx.lumped import LumpedModel
 
 HEADING = "Compute"
@@ -78,7 +79,7 @@ def infer(
                 f"iterations, {len(made.runs)} runs, {made.reason}", style="bold", soft_wrap=True
             )  # fmt: skip
             table = Table("unknown", "case", "recovered", "68 %", "unit", "", box=None, pad_edge=False)
-            for each in made.unknowns:
+            for each, bounds in zip(made.unknowns, (given.bounds for given in made.case.unknowns), strict=True):
                 first, last = float(each.start.mean()), float(each.best.mean())
                 best, interval = f"{last:.6g}", ""
                 if each.interval is not None:
@@ -88,7 +89,7 @@ def infer(
                     best = f"{each.best.min():.6g} to {each.best.max():.6g}"
                     if each.interval is not None:
                         interval = f"± {0.5 * float(np.ptp(each.interval, axis=0).mean()):.3g} on average"
-                table.add_row(each.key, f"{first:.6g}", best, interval, each.unit, "at bound" if each.at_bound else "")
+                table.add_row(each.key, f"{first:.6g}", best, interval, each.unit, _note(each, bounds))
             screen.print(table)
             if made.exceeds_noise:
                 errors.print(
@@ -100,6 +101,15 @@ def infer(
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
             files += ", tradeoffs.png" * (len(made.samples) > 1)
             screen.print(f"Files: {out} ({files})", soft_wrap=True)
+
+
+def _note(unknown: Recovered, bounds: list[float] | None) -> str:
+    """Return what a reader of a recovered value must know."""
+    if unknown.interval is not None and bounds is not None:
+        low, high = unknown.interval
+        if float((high - low).min()) >= bounds[1] - bounds[0]:
+            return "not determined"
+    return "at bound" if unknown.at_bound else ""
 
 
 def _makes_runs_at_once(case: Case | LumpedModel, wanted: bool) -> bool:
