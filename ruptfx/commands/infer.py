@@ -29,7 +29,7 @@ def infer(
     memory: Memory = 4.0,
     cores: Annotated[
         int | None,
-        typer.Option(min=1, help="Cores for simultaneous runs; default all for cma_es and ensemble, 1 for gauss_newton."),
+        typer.Option(min=1, help="Cores for simultaneous runs; default all for cma_es and ensemble, else 1."),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler for these runs; default is this machine.")
