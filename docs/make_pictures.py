@@ -259,7 +259,7 @@ FIGURES = {
     "debonding": "snapshots", "sliding_start": "forces", "slow_sliding": "forces", "measured_surface": "surfaces",
     "rough_sliding": "surfaces", "stress_barrier": "front", "fault_zone": "space_time",
     "branched_fault": "wavefield", "off_fault_plasticity": "material_state",
-    "composite_impact": "space_time",
+    "composite_impact": "space_time", "viscoelastic_impact": "space_time",
 }  # fmt: skip
 """Figure of the demo of the same name that a picture shows."""
 LUMPED = {
