@@ -51,7 +51,7 @@ def doubts(model: System) -> Iterator[Doubt]:
             value = getattr(material, key)
             unit = unit_of(type(material), key)
             bounds = {"Pa": MODULI, "kg/m3": DENSITIES}.get(unit)
-            if bounds is not None and isinstance(value, float) and not bounds[0] <= value <= bounds[1]:
+            if bounds and isinstance(value, float) and value != 0 and not bounds[0] <= value <= bounds[1]:
                 note = f"{_outside(value, bounds)} of any solid; is its exponent lost?"
                 yield Doubt(f"{name}: {key}", value, unit, note)
         speeds = material.wave_speeds(model.case.plane)
