@@ -10,7 +10,7 @@ from ruptfx import RuptfxError, Table
 from ruptfx.analysis.energy import budget
 from ruptfx.analysis.modes import Modes, classify
 from ruptfx.analysis.resolution import peak_is_resolved
-from ruptfx.analysis.surface import is_surface, of_surface
+from ruptfx.analysis.surface import is_surface, of_energies, of_surface
 from ruptfx.results.summary_fields import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES
 
 if TYPE_CHECKING:
@@ -99,6 +99,8 @@ def summarise(record: Files) -> Table:
         values["energy_closure"] = budget(record.energy)["energy_closure"]
     if record.interfaces and is_surface(record.interface):
         values |= of_surface(record.interface)
+        if (record.path / "energy.csv").is_file():
+            values |= of_energies(record)
     return {name: _plain(value) for name, value in values.items()}
 
 

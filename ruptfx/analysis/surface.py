@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,9 +10,13 @@ import numpy as np
 from ruptfx import Table
 
 if TYPE_CHECKING:
-    from ruptfx.record import Data
+    from ruptfx.record import Data, Files
 
 TOUCH = 1e-9  # share of a triangle below which a position is on its edge
+AT_REST = 0.05  # of the largest moment rate: less at the end is called a rupture that is over
+ALIKE = 1e-3  # of the work: difference of the works of two tables whose times are half a step apart
+SPENT = ("frictional_dissipation", "fracture", "impact_loss")  # energies that the surface takes
+WAVES = ("kinetic", "strain", "damping")
 REACH = 4  # nodes to either side over which rupture times are differentiated: about an element
 
 
@@ -119,6 +124,65 @@ def rupture_velocity(data: Data) -> np.ndarray | None:
     with np.errstate(divide="ignore"):
         speed = 1 / np.sqrt(slowness)
     return np.where(speed <= np.max(data.attrs["c_p_of_bodies"]), speed, np.nan)
+
+
+def work(data: Data, row: int) -> float:
+    """Return the work of the tractions of a record on the slip and opening of the last one [J]."""
+    shear = sum(data[f"shear_traction_{i}"].values[row] * data[f"slip_{i}"].values[-1] for i in (1, 2))
+    return float(data["area"].values @ (shear - data["normal_stress"].values[row] * data["opening"].values[-1]))
+
+
+def stress_drop(data: Data) -> float:
+    """Return the slip-weighted stress drop at the last record [Pa]; NaN without slip.
+
+    It is the work of the fall of the shear traction since the first record on the slip, over the integral of the slip.
+    Source: Noda, Lapusta and Kanamori (2013).
+    """
+    slip = [data[f"slip_{i}"].values[-1] for i in (1, 2)]
+    falls = (data[f"shear_traction_{i}"].values[[0, -1]] for i in (1, 2))
+    dropped = sum((first - last) * moved for (first, last), moved in zip(falls, slip, strict=True))
+    area = data["area"].values
+    weight = float(area @ np.hypot(*slip))
+    return float(area @ dropped) / weight if weight > 0 else np.nan
+
+
+def radiated_energy(surfaces: Iterable[Data], energy: Mapping[str, object] | Data) -> float:
+    """Return the energy that a rupture radiates from its surfaces [J]; NaN where the records do not give it.
+
+    It is the mean of the works of the initial and of the final tractions on the slip, less what friction and cohesion
+    take. Source: Kostrov (1974); Rivera and Kanamori (2005).
+
+    The final tractions are those of the last record: the energy is NaN unless the moment rate is then below 5 % of its
+    largest value. It is also NaN where loads other than the initial stress of the surfaces do work, and where springs
+    of contact, attachments or bodies that yield take energy.
+
+    Parameters
+    ----------
+    surfaces : iterable of Data
+        All surfaces of the run.
+    energy : mapping of arrays, shape (times,)
+        The columns of its energy table.
+    """
+    found = list(surfaces)
+    last = {str(name): float(np.asarray(energy[name])[-1]) for name in energy}
+    rates = np.sum([moment_rate(data) for data in found], axis=0)
+    first, final = (sum(work(data, row) for data in found) for row in (0, -1))
+    known = {*SPENT, *WAVES, "boundary_work", "closure", "time"}
+    others = max((abs(value) for name, value in last.items() if name not in known), default=0.0)
+    loaded = abs(last["boundary_work"] - first) > ALIKE * abs(first)
+    if rates[-1] > AT_REST * rates.max() or loaded or others > ALIKE * abs(first):
+        return np.nan
+    return 0.5 * (first + final) - sum(last.get(name, 0.0) for name in SPENT)
+
+
+def of_energies(record: Files) -> Table:
+    """Return stress drop and radiated energy of a rupture on surfaces for the summary, where they are defined."""
+    if not record.interface.sizes["time"] or not np.size(record.energy["time"]):
+        return {}
+    energy = np.nan
+    if "displacement_jump" not in record.interface:  # springs of contact take energy, too
+        energy = radiated_energy(record.interfaces.values(), record.energy)
+    return {"stress_drop": stress_drop(record.interface), "radiated_energy": energy}
 
 
 def of_surface(data: Data) -> Table:

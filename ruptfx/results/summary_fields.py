@@ -6,7 +6,9 @@ UNITS_OF_FRACTURE = {
     "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
     "failed_length": "m",
 }
-UNITS_OF_SURFACES = {"moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s"}
+UNITS_OF_SURFACES = {
+    "moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s", "stress_drop": "Pa", "radiated_energy": "J",
+}  # fmt: skip
 UNITS = {
     "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
     "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
@@ -53,6 +55,9 @@ DESCRIPTIONS = {
     "rupture_area": "Area of the surface that ruptured.",
     "rupture_speed": "Median of one over the gradient of the rupture time, where there is a front.",
     "supershear_share": "Share of that part of the surface on which the front is faster than the shear wave.",
+    "stress_drop": "Fall of the shear traction, weighted with the slip (Noda et al. 2013).",
+    "radiated_energy": "Energy radiated by all surfaces: mean work of the initial and final tractions on the slip, "
+    "less what friction and cohesion take; null unless the rupture is over and driven by its initial stress alone.",
     "first_peak_stress": "Of a rectangular specimen, positive in compression: first maximum that is followed by a "
     "fall of 3 % before it is exceeded; force over width.",
     "first_peak_strain": "Approach of the ends of the specimen over its height at that time.",

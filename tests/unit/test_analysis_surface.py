@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import xarray
 from helpers import synthetic
 
 from ruptfx import Record, analysis
-from ruptfx.analysis.surface import grid, moment_rate, rupture_velocity
+from ruptfx.analysis.surface import grid, moment_rate, radiated_energy, rupture_velocity, stress_drop
 from ruptfx.analysis.verdict import verdict
 from ruptfx.commands.export import tables
 
@@ -51,3 +52,58 @@ def test_points_without_a_grid_have_no_speed(tmp_path):
         found = analysis.summarise(record)
         assert grid(record.interface) is None and "rupture_speed" not in found
         assert found["rupture_area"] > 0 and found["moment_magnitude"] > 6
+
+
+def resting_crack(drop, weakening=0.0):
+    """A circular crack of 1 km radius in a grid, nu = 1/4: slip 24 / (7 pi) d / mu sqrt(a^2 - r^2) by a drop d.
+
+    The second record is the end; the residual traction is 3 MPa, and `weakening` [J/m2] is spent above it. Source:
+    Eshelby (1957).
+    """
+    x = np.linspace(-1.2e3, 1.2e3, 401)
+    strike, dip = (each.ravel() for each in np.meshgrid(x, x, indexing="ij"))
+    r = np.hypot(strike, dip)
+    slip = 24 / (7 * np.pi) * 2e6 / 32e9 * np.sqrt(np.maximum(1e6 - r**2, 0))
+    area = np.full(len(r), (x[1] - x[0]) ** 2)
+    fall = drop(r)
+    fields = {"slip_1": slip, "slip_2": 0 * r, "slip_rate_1": 0 * r, "slip_rate_2": 0 * r, "opening": 0 * r,
+              "shear_traction_1": 3e6 + 0 * r, "shear_traction_2": 0 * r, "normal_stress": 1e7 + 0 * r}
+    before = dict.fromkeys(fields, 0 * r) | {
+        "shear_traction_1": 3e6 + fall, "normal_stress": 1e7 + 0 * r, "slip_rate_1": (slip > 0) * 1.0
+    }  # fmt: skip
+    data = xarray.Dataset(
+        {name: (("time", "point"), np.stack([before[name], fields[name]])) for name in fields}
+        | {name: ("point", values) for name, values in (("position", strike), ("dip", dip), ("area", area))},
+        {"time": [0.0, 1.0]}, attrs={"shear_modulus_of_bodies": [32e9, 32e9]},
+    )  # fmt: skip
+    friction = float(area @ (3e6 * slip)) + weakening
+    work = float(area @ ((3e6 + fall) * slip))
+    names = {"kinetic": 0.0, "strain": 0.5 * (work - friction), "frictional_dissipation": friction,
+             "boundary_work": work, "closure": 0.0}  # fmt: skip
+    return data, {name: np.array([0.0, value]) for name, value in names.items()}
+
+
+def test_stress_drop_is_weighted_with_the_slip():
+    """Of d (r / a)^2 under elliptical slip it is 2/5 d: the integrals of r^3 sqrt(1 - r^2) and r sqrt(1 - r^2)."""
+    assert stress_drop(resting_crack(lambda r: 2e6 + 0 * r)[0]) == pytest.approx(2e6, rel=1e-12)
+    assert stress_drop(resting_crack(lambda r: 2e6 * (r / 1e3) ** 2)[0]) == pytest.approx(0.8e6, rel=1e-3)
+
+
+def test_a_crack_radiates_what_fracture_does_not_take():
+    """Half of the drop works on the slip: 8/7 d^2 a^3 / mu. Slow growth takes all of it: the mean of G over the rim,
+    12 / (7 pi) d^2 r / mu, integrated over the area."""
+    released, fracture = 8 / 7 * 2e6**2 * 1e9 / 32e9, 12 / (7 * np.pi) * 2e6**2 / 32e9 * 2 * np.pi / 3 * 1e9
+    assert fracture == pytest.approx(released, rel=1e-12)
+    for share in (0.0, 0.4, 1.0):
+        data, energy = resting_crack(lambda r: 2e6 + 0 * r, share * fracture)
+        assert radiated_energy([data], energy) == pytest.approx((1 - share) * released, abs=1e-3 * released)
+
+
+@pytest.mark.parametrize("change", ["loaded", "sliding", "yields"])
+def test_radiated_energy_is_not_given_where_the_records_do_not_tell(change):
+    data, energy = resting_crack(lambda r: 2e6 + 0 * r)
+    if change == "sliding":
+        data["slip_rate_1"][1] = 0.1 * data["slip_rate_1"][0]
+    else:
+        energy["boundary_work" if change == "loaded" else "plastic"] = 1.01 * energy["boundary_work"]
+    assert np.isnan(radiated_energy([data], energy))
