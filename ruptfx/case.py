@@ -685,6 +685,8 @@ def read_toml(path: Path) -> Table:
     CaseError
         File missing, or not TOML.
     """
+    if (path / "case.toml").is_file():
+        raise CaseError(f"{path}: a run directory; its case is {path / 'case.toml'}, and 'ruptfx resume' continues it")
     try:
         return load_toml(path.read_text(encoding="utf-8-sig"))
     except CaseError as error:

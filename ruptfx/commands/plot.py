@@ -12,6 +12,7 @@ from ruptfx.commands._shared import begin, completed_from, errors, reported, run
 from ruptfx.input.quantities import with_prefix
 
 HEADING = "Post-process"
+FORMATS = ["png", "pdf", "svg"]
 
 
 def figures() -> list[str]:
@@ -46,6 +47,9 @@ def plot(
     """
     begin(f"reading {run}")
     with reported():
+        for kind in format_:
+            if kind not in FORMATS:
+                raise RuptfxError(f"--format {kind}: known: {', '.join(FORMATS)}")
         if (figure or since or until) and any((run / name).exists() for name in ("study.json", "result.nc")):
             raise RuptfxError(f"{run}: --figure, --from and --to are for runs with bodies; leave them out")
         if (run / "study.json").exists():

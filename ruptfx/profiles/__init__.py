@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from ruptfx.schema import NUMBER, Alternative, Bound, CaseError, Unit, alternative, find, has_mark
+from ruptfx.schema import NUMBER, Alternative, Bound, CaseError, Unit, alternative, find, has_mark, kinds
 
 PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
 
@@ -169,6 +169,13 @@ def varying(number: object, unit: str) -> Any:
         """Texts in a table that have the unit of the key, as numbers, and numbers in place of files."""
         return with_unit(value, info, unit)
 
+    def refuse_name(value: object) -> object:
+        """Refuse the name of a profile alone."""
+        if isinstance(value, str) and value in kinds("ruptfx.profiles"):
+            table = f"{{ kind = '{value}', ... }}"
+            raise ValueError(f"a profile is a table, {table}; see 'ruptfx describe profiles.{value}'")
+        return value
+
     profile = alternative("ruptfx.profiles")
     return Annotated[
         Annotated[number, Tag("<number>")] | Annotated[profile, Tag("<profile>")],
@@ -176,6 +183,7 @@ def varying(number: object, unit: str) -> Any:
         Bound(number),
         BeforeValidator(read),
         of_key,
+        BeforeValidator(refuse_name),
     ]
 
 

@@ -108,6 +108,9 @@ def test_files(tmp_path: Path) -> None:
         read_case(tmp_path / "binary.toml")
     with pytest.raises(CaseError, match="cannot be read"):
         read_case(tmp_path)
+    (tmp_path / "case.toml").touch()
+    with pytest.raises(CaseError, match=facts(r"a run directory; its case is .*case\.toml, and 'ruptfx resume'")):
+        read_case(tmp_path)
 
 
 def test_every_line_names_the_file(tmp_path: Path) -> None:

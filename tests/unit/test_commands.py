@@ -248,7 +248,7 @@ def test_plot_of_one_figure_and_a_part_of_the_run(pushed: Path) -> None:
     assert result.output.splitlines()[-1] == str(pushed / "figures" / "space_time_from_2us_to_3us.svg")
     assert len(list((pushed / "figures").glob("*_from_2us_to_3us.svg"))) == 1
     for options, words in (
-        (("--figure", "spacetime"), "did you mean 'space_time'?"),
+        (("--figure", "spacetime"), "did you mean 'space_time'?"), (("--format", "jpg"), "known: png, pdf, svg"),
         (("--figure", "emission"), "no data for it; it has "), (("--from", "9 us"), "the saved times are 0 to 5"),
         (("--from", "3 us", "--to", "2 us"), "give an earlier and a later time"), (("--to", "3 m"), "--to 3 m: "),
     ):

@@ -29,6 +29,12 @@ def profile(kind: str, **changes: Any) -> Any:
     return KINDS[table.pop("kind")](**table)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_name_of_a_profile_alone_is_refused_with_its_form(kind: str) -> None:
+    with pytest.raises(CaseError, match=facts(rf"mu_d = '{kind}': a profile is a table, {{ kind = '{kind}'")):
+        Coulomb(mu_d=kind)
+
+
 def test_closed_forms() -> None:
     assert np.all(profile("constant")(X) == 0.3)
     np.testing.assert_array_equal(profile("boxcar")(np.array([-0.11, -0.1, 0.1, 0.3, 0.31])), [1, 2, 2, 2, 1])
