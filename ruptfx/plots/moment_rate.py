@@ -1,4 +1,4 @@
-"""Figure of the moment rate of a surface."""
+"""Figure of the moment rate of surfaces."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 
 from ruptfx.analysis.surface import magnitude_of, shear_modulus
 from ruptfx.analysis.surface import moment_rate as rate_of
+from ruptfx.figure_style import Array
 from ruptfx.plots._record import has_surface
 from ruptfx.plots._sheet import Sheet, figure
-from ruptfx.record import Files
+from ruptfx.record import Data, Files
 
 PANELS = {"moment_rate": ("Moment rate", "N m/s"), "moment": ("Moment", "N m")}
 
@@ -22,28 +23,40 @@ def suits(record: Files) -> bool:
 
 @figure
 def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None) -> None:
-    """Draw the moment rate and the moment of the surface against time.
+    """Draw the moment rate and the moment against time: those of every surface, and their sum if there are several.
 
     Parameters
     ----------
     field
         Panels: "moment_rate", "moment". Default: both.
     """
-    data = record.interface
-    time, area = data["time"].values, data["area"].values
-    moments = [float(area @ magnitude_of(data, "slip", row)) for row in range(len(time))]
-    values = {"moment_rate": rate_of(data), "moment": shear_modulus(data) * np.array(moments)}
+    time, surfaces = record.interface["time"].values, record.interfaces
+    values = {
+        "moment_rate": {name: rate_of(data) for name, data in surfaces.items()},
+        "moment": {name: _moment(data) for name, data in surfaces.items()},
+    }
     wanted = sheet.choose(field, list(PANELS))
     axes = sheet.panels(1, len(wanted), 2.6, sharex=True)[0]
     t_size, t_unit = sheet.scale("time", time, "s")
     for ax, name in zip(axes, wanted, strict=True):
         label, unit = PANELS[name]
-        size, printed = sheet.scale(name, values[name], unit)
-        ax.plot(time / t_size, values[name] / size, color="#1a1a1a")
+        total = np.sum(list(values[name].values()), axis=0)
+        size, printed = sheet.scale(name, total, unit)
+        ax.plot(time / t_size, total / size, color="#1a1a1a", label="all")
+        if len(surfaces) > 1:
+            for fault, each in values[name].items():
+                ax.plot(time / t_size, each / size, label=fault)
+            ax.legend()
         ax.set(xlabel=f"Time ({t_unit})", ylabel=f"{label} ({printed})", xlim=(time[0] / t_size, time[-1] / t_size))
         ax.set_ylim(bottom=0)
     sheet.letter(axes)
-    last = values["moment"][-1]
+    last = sum(float(each[-1]) for each in values["moment"].values())
     if last > 0:
-        magnitude = (np.log10(last) - 9.1) / 1.5
-        sheet.remark(f"Moment magnitude {magnitude:.2f}; shear modulus {shear_modulus(data):.4g} Pa.")
+        magnitude, modulus = (np.log10(last) - 9.1) / 1.5, shear_modulus(record.interface)
+        sheet.remark(f"Moment magnitude {magnitude:.2f}; shear modulus {modulus:.4g} Pa.")
+
+
+def _moment(data: Data) -> Array:
+    """Return the moment of a surface at every record [N m]."""
+    area = data["area"].values
+    return shear_modulus(data) * np.array([area @ magnitude_of(data, "slip", row) for row in range(data.sizes["time"])])

@@ -527,6 +527,16 @@ def test_a_surface_is_chosen_by_its_name(branched, name):
         plots.FIGURES[name](branched, fault="brunch")
 
 
+def test_the_moment_is_that_of_all_surfaces(branched):
+    """Each line is the shear modulus times the integral of the slip; the first is their sum."""
+    lines = plots.moment_rate(branched, field="moment", units={"moment": "N m"}).lines
+    assert [line.get_label() for line in lines] == ["all", "main", "branch"]
+    found = {line.get_label(): line.get_ydata()[-1] for line in lines}
+    for name, data in branched.interfaces.items():
+        assert found[name] == pytest.approx(32e9 * float(data["area"].values @ data["slip_1"].values[-1]))
+    assert found["all"] == pytest.approx(found["main"] + found["branch"])
+
+
 def test_long_surfaces_are_below_each_other(branched):
     """Side by side, two surfaces 6 and 3 times as long as deep would be less than an inch high."""
     assert plots.rupture_map(branched).shape == (1, 2)
