@@ -304,6 +304,16 @@ def test_lost_exponents(key: str, value: float, quantity: str, note: str) -> Non
     assert quantity not in doubted({})
 
 
+def test_no_cohesion_is_no_lost_exponent() -> None:
+    sand = {
+        "kind": "drucker_prager", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0, "cohesion": 0.0,
+        "friction_angle": 0.6, "relaxation_time": 1e-6, "initial_stress": [-6e6, -6e6, -6e6, 0.0, 0.0, 0.0],
+    }  # fmt: skip
+    table = {"plane": "strain", "materials.default": sand}
+    assert "upper: cohesion" not in doubted(table)
+    assert "upper: cohesion" in doubted({**table, "materials.default": {**sand, "cohesion": 5.0}})
+
+
 def test_echoes_of_edges_that_reflect() -> None:
     """From the interface to the edge and back with c_p of plane stress, sqrt(E / rho / (1 - nu^2)) = 2201.7 m/s."""
     height = plates()["mesh"]["height"]
