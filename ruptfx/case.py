@@ -575,7 +575,7 @@ class Case(CaseFile):
         if self.fracture is None:
             return
         if self.order != 1:
-            raise ValueError(f"order = {self.order}: with [fracture] the cells must be of order 1")
+            raise ValueError(f"order = {self.order}: with [fracture] the cells must be of order 1; set order = 1")
         for name, fault in self.faults.items():
             for key in ("normal", "shear"):
                 value = getattr(fault.initial_stress, key)

@@ -108,7 +108,7 @@ class Files:
         if not self.path.is_dir():
             raise RecordError(f"{self.path}: no such directory; give the directory that 'ruptfx run' wrote")
         if not (self.path / "case.toml").is_file():
-            raise RecordError(f"{self.path}: no run directory: it holds no case.toml")
+            raise RecordError(f"{self.path}: holds no case.toml; give the directory that 'ruptfx run' wrote")
 
     def between(self, since: float | None = None, until: float | None = None) -> Self:
         """Return the record with the saved times of a part of the run, for its figures.
@@ -152,7 +152,7 @@ class Files:
         if rows.stop <= rows.start and len(times):
             raise OutsideError(
                 f"{self.path}: nothing was saved from {self.since:g} to {self.until:g} s; the saved times are "
-                f"{times[0]:g} to {times[-1]:g} s"
+                f"{times[0]:g} to {times[-1]:g} s; choose a window that contains one of them"
             )
         return data.isel(time=rows)
 
@@ -160,7 +160,10 @@ class Files:
         path = self.path / name
         if not path.is_file():
             if self.complete and name in _OPTIONAL:
-                raise MissingFileError(f"{path}: missing; only runs with {_OPTIONAL[name]} have this file")
+                raise MissingFileError(
+                    f"{path}: missing; only runs with {_OPTIONAL[name]} have this file; add that to the case and "
+                    "run it again"
+                )
             raise MissingFileError(f"{path}: missing; {_AGAIN}")
         self._check(name)
         return path

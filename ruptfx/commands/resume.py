@@ -27,7 +27,9 @@ def resume(
     """
     with reported():
         if not (run / "case.toml").exists():
-            raise RuptfxError(f"{run}: no run directory: it holds no case.toml")
+            raise RuptfxError(
+                f"{run}: no run directory: it holds no case.toml; give the directory that 'ruptfx run' wrote"
+            )
         from ruptfx.results import directories, run_files
 
         case = directories.unfinished(run) / "case.toml"

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 FOLDER = directories.CHECKPOINTS
 KEPT = 2
 LAYOUT = 3  # version of the manifest, increased with every change that older code cannot read
+_ANEW = "run the case again with another --out"
 READ_ONLY = ("state", "bulk")
 """Stems of the files of a checkpoint that are read; the others are copied to the run directory and grow there."""
 
@@ -298,9 +299,9 @@ def read_manifest(path: Path) -> Table:
         manifest = json.loads((path / "manifest.json").read_text())
         seal = manifest.pop("seal")
     except (OSError, ValueError, KeyError, AttributeError):
-        raise CheckpointError(f"{path}: manifest.json is missing or damaged; it cannot be used") from None
+        raise CheckpointError(f"{path}: manifest.json is missing or damaged; {_ANEW}") from None
     if seal != _seal(manifest):
-        raise CheckpointError(f"{path}: manifest.json does not match its own checksum; it cannot be used")
+        raise CheckpointError(f"{path}: manifest.json does not match its own checksum; {_ANEW}")
     # Anybody can compute the checksum: names are used as paths, also to write.
     for name in (*manifest["files"], *manifest.get("histories", [])):
         if Path(name).name != name:
@@ -328,7 +329,7 @@ def _verified(path: Path, case_hash: str) -> Table:
     for name, checksum in manifest["files"].items():
         file = path / name
         if not file.is_file() or _checksum(file) != checksum:
-            raise CheckpointError(f"{file}: missing or damaged (its checksum differs); it cannot be used")
+            raise CheckpointError(f"{file}: missing or damaged (its checksum differs); {_ANEW}")
         if file.suffix == ".h5" and name.partition(".")[0] not in READ_ONLY:
             _require_own_data(file)
     return manifest

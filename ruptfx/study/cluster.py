@@ -80,7 +80,10 @@ def opened(marker: Path | None, address: str | None, cores: int | None, ranks: i
         try:
             client = Client(address, timeout="10s")
         except (OSError, ValueError) as error:
-            raise RuptfxError(f"--scheduler {address}: no dask scheduler answers there ({error})") from None
+            raise RuptfxError(
+                f"--scheduler {address}: no dask scheduler answers there ({error}); start one with: dask scheduler, "
+                "and give the address that it prints"
+            ) from None
         with client:
             _check_workers(client, marker)
             try:
@@ -140,7 +143,9 @@ def _check_workers(client: Client, marker: Path | None) -> None:
     try:
         seen = client.run(_version_and_file, marker and str(marker))
     except Exception as error:
-        raise RuptfxError(f"the workers cannot import ruptfx {__version__}: {error}") from None
+        raise RuptfxError(
+            f"the workers cannot import ruptfx {__version__}: {error}; install it in the Python that starts them"
+        ) from None
     for worker, (version, there) in seen.items():
         if version != __version__:
             raise RuptfxError(f"worker {worker} has ruptfx {version}, this is {__version__}; install the same")

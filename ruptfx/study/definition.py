@@ -72,9 +72,9 @@ class Axis(Part):
             raise ValueError(f"values: {twice} is there twice; remove one")
         rows = self.values or [None]
         if isinstance(self.key, list) and any(not isinstance(v, list) or len(v) != len(self.key) for v in rows):
-            raise ValueError(f"key names {len(self.key)} keys: values must be lists of that length")
+            raise ValueError(f"key names {len(self.key)} keys; give a list of as many values at each place")
         if self.labels is not None and len(self.labels) != len(self.values or []):
-            raise ValueError("labels: one for every value is needed")
+            raise ValueError(f"labels: {len(self.labels)} for {len(self.values or [])} values; give one for each value")
         shown = self.labels or []
         same = next((label for i, label in enumerate(shown) if label in shown[:i]), None)
         if same is not None:
@@ -107,7 +107,7 @@ class Axis(Part):
         if self.values is not None:
             return list(self.values)
         if self.points is None:
-            raise CaseError(f"axes: {self.column}: a range on a grid needs points")
+            raise CaseError(f"axes: {self.column}: a range on a grid needs points; give their number")
         return [self.value(part) for part in np.linspace(0, 1, self.points)]
 
     def value(self, part: float) -> float:
@@ -311,7 +311,9 @@ class Study(Part):
                 raise ValueError(f"search.start.{name}: no axis with a range, {nearest(name, list(sampled))}")
             low, high = sampled[name].range or (-math.inf, math.inf)
             if not low <= value <= high:
-                raise ValueError(f"search.start.{name} = {value:g}: outside of its range, {low:g} to {high:g}")
+                raise ValueError(
+                    f"search.start.{name} = {value:g}: outside of its range, {low:g} to {high:g}; give a value in it"
+                )
         for number, goal in enumerate(search.goals):
             for name, value in goal.where.items():
                 where = f"search.goals.{number}.where.{name}"
@@ -319,7 +321,7 @@ class Study(Part):
                     raise ValueError(f"{where}: no axis without a range, {nearest(name, list(crossed))}")
                 known = [crossed[name].coordinate(one) for one in crossed[name].sequence()]
                 if value not in known:
-                    raise ValueError(f"{where} = {value}: known are {', '.join(map(str, known))}")
+                    raise ValueError(f"{where} = {value}: known are {', '.join(map(str, known))}; use one of these")
 
     @property
     def sampled(self) -> list[Axis]:

@@ -77,7 +77,7 @@ def run_study(
     if refined and study.refine.fine:
         study.point(points[0].values, "fine", study.refine.fine)
     if refined and study.search is not None:
-        raise RuptfxError("--refine locates boundaries on a grid; a search has none")
+        raise RuptfxError("--refine locates boundaries on a grid, and a search has none; leave it out")
     outcome = Outcome()
     with Store(out, study) as store, stoppable():
         if retry:

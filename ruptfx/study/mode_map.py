@@ -160,7 +160,9 @@ def read_map(directory: str | Path) -> Map:
         study = Study.model_validate(json.loads((directory / "study.json").read_text())["study"])
         return Map(study, read_csv(directory / "table.csv"), directory)
     except (OSError, ValueError, KeyError) as error:
-        raise RuptfxError(f"{directory}: no finished study is there ({error})") from None
+        raise RuptfxError(
+            f"{directory}: no finished study is there ({error}); give the directory that 'ruptfx study' wrote"
+        ) from None
 
 
 def suits(shown: Map) -> bool:

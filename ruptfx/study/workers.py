@@ -82,7 +82,7 @@ class Child:
         while not answer.endswith(b"\n"):
             if not select.select([self._process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0]:
                 self.close()
-                raise ChildError(f"took longer than time_limit = {time_limit:g} s")
+                raise ChildError(f"took longer than time_limit = {time_limit:g} s; increase it in the study")
             if not (part := os.read(self._process.stdout.fileno(), 1 << 16)):
                 raise ChildError(self._how_it_ended())
             answer += part
