@@ -403,7 +403,7 @@ def _objective(choices: Choices) -> Iterator[Refusal]:
         return
     stepper, whole = _stepper(choices), ("objective",)
     if not stepper.adjoint:
-        reason = f"its steps have no adjoint, which {whole[0]} needs"
+        reason = "its steps have no adjoint, which objective needs and a study with sampling = 'cma_es' does not"
         yield Refusal(("stepper",), reason, (("stepper",),), (whole,))
     reason = "has no adjoint, which objective needs"
     for field in ("sliding", "cohesion"):
