@@ -84,7 +84,8 @@ class Inversion:
     # -- runs --------------------------------------------------------------------------------------------------------
 
     def _evaluate(self, z: Floats, derivatives: Derivatives = "gradient") -> Evaluation:
-        part = 1.0 if derivatives != "history" else 1 / (1 + len(z))  # the columns of its Jacobian may follow
+        # After a run with a gradient more runs may follow in an iteration, after one with a history the Jacobian.
+        part = {"gradient": 0.5, "history": 1 / (1 + len(z))}.get(derivatives, 1.0)
         told = self._told_within(0.0, part, len(self._runs))
         return self.evaluator.evaluate(z, derivatives, first=not self._runs, tell=told)
 

@@ -39,6 +39,7 @@ from ruptfx.inference.variables import Variable
 from ruptfx.misfits import Unknown
 from ruptfx.model import Model
 from ruptfx.platform import launch
+from ruptfx.platform.progress import Progress
 
 pytestmark = pytest.mark.fem
 
@@ -259,6 +260,31 @@ def test_an_ensemble_needs_a_range_and_walkers(tmp_path: Path) -> None:
                         method="ensemble", population=4)  # fmt: skip
     with pytest.raises(CaseError, match=facts(r"inference\.population = 4: .* 6 walkers")):
         infer(few, tmp_path / "few", progress=False)
+
+
+@pytest.mark.parametrize("method", ["l_bfgs", "gauss_newton"])
+def test_the_progress_of_a_search_has_its_steps_and_never_decreases(
+    method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[list[tuple[float, str]]] = []
+
+    class Recorded(Progress):
+        def __init__(self, show: bool = True) -> None:
+            super().__init__(False)
+            self.seen: list[tuple[float, str]] = []
+            shown.append(self.seen)
+
+        def update(self, fraction: float, text: str) -> None:
+            self.seen.append((fraction, text))
+
+    monkeypatch.setattr(inversion, "Progress", Recorded)
+    case = with_unknowns(measured("faults.main.friction.D_c", 0.03), *NUMBERS, method=method, iterations=3)
+    infer(case, tmp_path / "out", progress=False)
+    (search,) = [seen for seen in shown if any("iteration" in text for _, text in seen)]
+    fractions = np.array([fraction for fraction, _ in search])
+    assert np.all(np.diff(fractions) > -1e-12) and 0 < fractions[0] < 0.01 and 0.5 < fractions[-1] <= 1
+    wanted = "backward  step" if method == "l_bfgs" else "variable 2 of 2, sensitivity  step"
+    assert any(wanted in text for _, text in search) and any("forward  step" in text for _, text in search)
 
 
 def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path) -> None:
