@@ -211,7 +211,7 @@ def test_compare(runs: Path, tmp_path: Path) -> None:
     text = said(result)
     # 6 MPa and 12 MPa: twice as much.
     assert result.exit_code == 0 and "faults.main.initial_stress.normal 6e+06 1.2e+07 +100 %" in text
-    assert text.startswith("The cases differ in") and text.index("initial_stress.normal") < text.index("results")
+    assert text.index("The cases differ in") < text.index("initial_stress.normal") < text.index("results")
     # Nothing slips in either: results that agree are counted, and shown on request.
     assert "peak_slip_rate" not in text and says("results agree to 0.1 %", text) and "wall_time" not in text
     everything = said(ruptfx("compare", runs / "one", runs / "two", "--verbose", "--out", tmp_path / "both.png"))
@@ -222,7 +222,7 @@ def test_compare(runs: Path, tmp_path: Path) -> None:
     # Nothing slips, and no wave reaches the interface: its normal stresses [MPa] instead of zeros.
     assert [[line.get_ydata().max() for line in ax.lines] for ax in axes] == [pytest.approx([6.0, 12.0])]
     same = said(ruptfx("compare", runs / "one", runs / "one", "--out", tmp_path / "same.png"))
-    assert same.startswith("The cases are the same.") and "differ" not in same
+    assert "The cases are the same." in same and "differ" not in same
     assert is_noise("tip_speed", 1000.0, 1000.9) and not is_noise("tip_speed", 1000.0, 1002.0)
     assert is_noise("energy_closure", 1e-15, 5e-13) and not is_noise("energy_closure", 1e-15, 1e-6)
     assert not is_noise("mode", "crack", "pulse") and not is_noise("tip_speed", None, 3.0)
