@@ -231,7 +231,7 @@ class Model(System):
             if gap is not None and np.any((gap > 0) & (normal > 0)):
                 raise CaseError("gap: where it is open, initial_stress.normal must be zero")
         except CaseError as caught:  # of a profile, at the points of this rank
-            error = CaseError(f"faults.{name}: {caught}")
+            error = CaseError(f"faults.{name}{_with_key(fault, str(caught))}")
         parallel.raise_on_all(self.comm, error)
         after = self.case.output.rupture_after
         if after is None:
@@ -402,3 +402,12 @@ class Model(System):
     def wave_speeds(self) -> WaveSpeeds:
         """Return the wave speeds of the body with the slowest S wave, the scale of the figures."""
         return min((m.wave_speeds(self.case.plane) for m in self.materials), key=lambda speeds: speeds.c_s)
+
+
+def _with_key(fault: FaultCase, message: str) -> str:
+    """Return the end of a key and a message, which may begin with the class and the field of a part of a fault."""
+    parts = {"friction": fault.friction, "contact": fault.contact, "initial_stress": fault.initial_stress,
+             **{f"nucleation.{number}": each for number, each in enumerate(fault.nucleation)}}  # fmt: skip
+    keys = [key for key, part in parts.items() if message.startswith(f"{type(part).__name__}.")]
+    # Two nucleations of one kind are not told apart.
+    return f".{keys[0]}.{message.partition('.')[2]}" if len(keys) == 1 else f": {message}"

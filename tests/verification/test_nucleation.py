@@ -99,10 +99,10 @@ def test_table_from_a_csv_file(tmp_path: Path) -> None:
 
 def test_table_shorter_than_the_interface_is_refused_before_the_first_step() -> None:
     short = {"kind": "table", "positions": [0.0, 0.01], "values": [1e6, 2e6]}
-    covers = r"faults.main: {}: the table from 0 to 0.01 m does not cover .* to 0.012 m"
-    with pytest.raises(CaseError, match=covers.format("InitialStress.shear")):
+    covers = r"faults.main.{}: the table from 0 to 0.01 m does not cover .* to 0.012 m"
+    with pytest.raises(CaseError, match=covers.format("initial_stress.shear")):
         Model(case({"faults.main.initial_stress": {"normal": 6e6, "shear": short}}))
-    with pytest.raises(CaseError, match=covers.format("Overstress.extra")):
+    with pytest.raises(CaseError, match=covers.format("nucleation.0.extra")):
         Model(case({"faults.main.nucleation": [{"kind": "overstress", "extra": short}]}))
 
 
