@@ -238,7 +238,9 @@ def test_command_line_refuses_with_one_message(tmp_path, command, text):
     ruptfx = [sys.executable, "-m", "ruptfx"]
     done = subprocess.run([*ruptfx, command, "case.toml"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert done.stderr.startswith("case error: ") and "Traceback" not in done.stderr
+    phase, _, message = done.stderr.partition("\n")
+    assert phase == "reading case.toml"
+    assert message.startswith("case error: ") and "Traceback" not in message
     assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
 
 
