@@ -82,7 +82,8 @@ def warm_up() -> None:
 def save(figure: Figure, path: Path | BytesIO, kind: str, dpi: float = STYLE["savefig.dpi"]) -> None:
     """Save a figure in the common style, with fixed axes.
 
-    The layout is computed first and then the figure drawn once: matplotlib would draw it twice.
+    The layout is computed first and then the figure drawn once: matplotlib would draw it twice. If axes of other sizes
+    have other tick labels, whose widths differ, the layout is computed again.
     """
     with style():
         engine = figure.get_layout_engine()
@@ -91,11 +92,19 @@ def save(figure: Figure, path: Path | BytesIO, kind: str, dpi: float = STYLE["sa
                 for spine in ax.spines.values():
                     spine.set_in_layout(False)
             figure.set_dpi(dpi)
+            before = _tick_labels(figure)
             engine.execute(figure)
+            if _tick_labels(figure) != before:
+                engine.execute(figure)
             figure.set_layout_engine(None)
         # The usual compression takes three times as long and saves a tenth.
         fast: Any = {"pil_kwargs": {"compress_level": 1}} if kind == "png" else {}
         figure.savefig(path, format=kind, dpi=dpi, **fast)
+
+
+def _tick_labels(figure: Figure) -> list[str]:
+    """Return the labels of the vertical axes."""
+    return [label.get_text() for ax in figure.axes for label in ax.get_yticklabels()]
 
 
 def scale(values: Array | float, unit: str) -> tuple[float, str]:

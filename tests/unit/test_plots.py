@@ -81,6 +81,20 @@ def test_saving_lays_out_once_and_draws_once(train, tmp_path):
     np.testing.assert_array_equal(ours, theirs)
 
 
+@pytest.mark.parametrize("changes", [False, True])
+def test_saving_lays_out_again_if_tick_labels_change(changes, tmp_path):
+    """Axes that the layout has made wider or narrower may have longer labels, which would cover those beside them."""
+    with style():
+        figure, axes = new_figure(1, 2, 2.0)
+        ax = axes[0, 1]
+        begin = ax.get_position().x0
+        ax.yaxis.set_major_formatter(lambda *_: "6" if not changes or ax.get_position().x0 == begin else "62.5")
+    engine = type(figure.get_layout_engine())
+    with patch.object(engine, "execute", autospec=True, side_effect=engine.execute) as execute:
+        save(figure, tmp_path / "figure.png", "png")
+    assert execute.call_count == 1 + changes
+
+
 def test_guide_lines_run_at_the_wave_speeds(train):
     (ax, _) = plots.space_time(train).figure.axes
     rays = [line for line in ax.lines if line.get_gid() == "ray"]
