@@ -87,7 +87,6 @@ class FaultStep:
         self._result = np.zeros(4 + len(FAILURE))
         self._held = (np.zeros(0), np.zeros(0))  # tension and opening before
         self._bound: tuple[object, ...] = ()
-        self._was_open = True
 
     def refresh(self) -> None:
         """Read weights and inverse masses again after changes in place."""
@@ -96,9 +95,10 @@ class FaultStep:
 
     def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
         """Return the opening rate of every point [m/s], or None if all stay closed and no impact can occur."""
-        bonded = self.fault.cohesion is not None
-        is_open = self.fault.interface.has_normal and (bonded or bool(np.any(state["normal_stress"] <= 0)))
-        collides, self._was_open = is_open or self._was_open, is_open
+        # A gap that has closed in the last step still has a rate, which this step takes.
+        collides = self.fault.interface.has_normal and (
+            self.fault.cohesion is not None or np.any(state["normal_stress"] <= 0) or np.any(state["opening"] > 0)
+        )
         return self.fault.interface.split(self.fault.interface.rate(velocity))[0] if collides else None
 
     def impact_loss(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:

@@ -13,7 +13,7 @@ import pytest
 from helpers.compare import largest_difference
 from helpers.crack_cases import block, meeting_blocks
 from helpers.sliding_cases import rough
-from helpers.small_cases import INSTRUMENTS, case, impact
+from helpers.small_cases import INSTRUMENTS, case, impact, slip_weakening
 from scipy import sparse
 
 pytest.importorskip("dolfinx")
@@ -247,3 +247,20 @@ def test_a_run_that_a_rule_has_ended_does_not_go_on(tmp_path: Path) -> None:
         ends.append((summary["steps"], summary["ended_by"]))
         (tmp_path / "run" / "summary.json").unlink()
     assert ends[0] == ends[1] and ends[0][1] == "tip left the window"
+
+
+def test_the_impact_loss_of_a_resumed_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plates of two materials stay closed before and after a stop; rounding of their opening rate is no loss."""
+    soft = {"kind": "isotropic_elastic", "young_modulus": 2.9e9, "poisson_ratio": 0.39, "density": 1180.0}
+    given = parse_case(slip_weakening({
+        "duration": 8e-6, "output.checkpoint_steps": 20, "materials.lower": soft,
+    }))  # fmt: skip
+    simulation.simulate(given, tmp_path / "whole", progress=False)
+    camera = Camera(monkeypatch)
+    camera.last = 20
+    with pytest.raises(Stopped):
+        simulation.simulate(given, tmp_path / "stopped", progress=False)
+    camera.last = None
+    simulation.simulate(given, tmp_path / "stopped", progress=False, resume=True)
+    energies = [(tmp_path / name / "energy.csv").read_bytes() for name in ("whole", "stopped")]
+    assert energies[0] == energies[1]
