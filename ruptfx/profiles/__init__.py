@@ -173,7 +173,7 @@ def varying(number: object, unit: str) -> Any:
         """Refuse the name of a profile alone."""
         if isinstance(value, str) and value in kinds("ruptfx.profiles"):
             table = f"{{ kind = '{value}', ... }}"
-            raise ValueError(f"a profile is a table, {table}; see 'ruptfx describe profiles.{value}'")
+            raise ValueError(f"a profile is a table; give {table}, see 'ruptfx describe profiles.{value}'")
         return value
 
     profile = alternative("ruptfx.profiles")

@@ -258,6 +258,7 @@ def test_gradients_by_constants_of_bodies_equal_central_differences(name: str, c
         assert float(exact[key]) == pytest.approx((values[0] - values[1]) / (2 * step), rel=2e-6), key
 
 
+@pytest.mark.slow
 def test_a_gradient_is_the_same_on_two_ranks_with_a_tenth_of_the_memory() -> None:
     assert bench.of_ranks(2, 0.1) < 1e-10
 
@@ -489,6 +490,7 @@ def test_differences_agree_where_there_are_no_kinks() -> None:
     assert "by_differences" not in found["materials.default.density"].attrs
 
 
+@pytest.mark.slow
 def test_differences_at_once_are_those_one_after_the_other() -> None:
     """By two cores and by one worker: bitwise, for a number of the law, a nucleation and a shift of the data."""
     pytest.importorskip("distributed")

@@ -371,6 +371,7 @@ def same_runs(one: Result, other: Result) -> None:
         np.testing.assert_array_equal(values, other.samples[key])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", GENERATIONS)
 def test_runs_at_once_are_those_one_after_the_other(method: str, tmp_path: Path) -> None:
     """In this process, and by the workers of a study: one, and two."""
@@ -387,6 +388,7 @@ def test_runs_at_once_are_those_one_after_the_other(method: str, tmp_path: Path)
     same_runs(alone, one)
 
 
+@pytest.mark.slow
 @pytest.mark.faults
 def test_an_inference_on_two_cores_that_is_killed_goes_on(tmp_path: Path) -> None:
     """Killed while two runs are made: finished ones are kept, and the result is that without a kill."""
@@ -440,6 +442,7 @@ def best_of(out: Path) -> str:
     return f"{int(np.argmin(totals)):04d}"
 
 
+@pytest.mark.slow
 def test_columns_at_once_are_those_one_after_the_other(tmp_path: Path) -> None:
     """The Jacobians of Gauss-Newton in this process, and by one and two workers; continued, too."""
     pytest.importorskip("distributed")
@@ -470,6 +473,7 @@ def test_a_run_that_fails_in_a_worker_ends_the_inference(tmp_path: Path, monkeyp
         infer(at_once("cma_es"), tmp_path / "out", progress=False, cores=2)
 
 
+@pytest.mark.slow
 def test_an_inference_is_the_same_on_two_ranks(tmp_path: Path) -> None:
     case = with_unknowns(measured(SHEAR, None), FIELD, iterations=3)
     (tmp_path / "case.toml").write_text(case.to_toml())

@@ -440,6 +440,7 @@ def test_damage_in_uniaxial_strain(steps: int) -> None:
     assert stress["yy"][0] == pytest.approx(lateral, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_slow_tension_softens_and_dissipates_what_it_should() -> None:
     """Uniaxial stress in long steps is f_t exp(-(e - f_t / E) / e_s), and its work f_t^2 / (2 E) + f_t e_s."""
     table = {name: value for name, value in HOMALITE.items() if name != "kind"}

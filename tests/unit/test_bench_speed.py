@@ -73,6 +73,7 @@ def test_phases_of_a_command_add_up_to_it(tmp_path: Path) -> None:
     assert sum(found.values()) == 2 * found["wall"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_spec("dolfinx") is None, reason="needs DOLFINx")
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_whole_command_by_phase(ranks: int, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def profile(kind: str, **changes: Any) -> Any:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_name_of_a_profile_alone_is_refused_with_its_form(kind: str) -> None:
-    with pytest.raises(CaseError, match=facts(rf"mu_d = '{kind}': a profile is a table, {{ kind = '{kind}'")):
+    with pytest.raises(CaseError, match=facts(rf"mu_d = '{kind}': a profile is a table; give {{ kind = '{kind}'")):
         Coulomb(mu_d=kind)
 
 

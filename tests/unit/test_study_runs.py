@@ -268,6 +268,7 @@ def test_a_search_is_not_refined_and_says_what_it_lacks(tmp_path, monkeypatch):
         run_study(search(tmp_path, 8), tmp_path / "out", show=False)
 
 
+@pytest.mark.slow
 def test_a_scheduler_elsewhere(tmp_path):
     from distributed import LocalCluster
 
