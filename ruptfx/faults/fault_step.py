@@ -93,12 +93,16 @@ class FaultStep:
         for name, values in _columns(self.fault, self._inverse_mass, self.clock).items():
             self._code.put(name, values)
 
-    def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
-        """Return the opening rate of every point [m/s], or None if all stay closed and no impact can occur."""
+    def opening_rate(self, state: FaultState, velocity: np.ndarray, is_first: bool) -> np.ndarray | None:
+        """Return the opening rate of every point [m/s], or None if all stay closed and no impact can occur.
+
+        Initial velocities may close in the first step of a run what touches.
+        """
         # A gap that has closed in the last step still has a rate, which this step takes.
         collides = self.fault.interface.has_normal and (
-            self.fault.cohesion is not None or np.any(state["normal_stress"] <= 0) or np.any(state["opening"] > 0)
-        )
+            is_first or self.fault.cohesion is not None
+            or np.any(state["normal_stress"] <= 0) or np.any(state["opening"] > 0)
+        )  # fmt: skip
         return self.fault.interface.split(self.fault.interface.rate(velocity))[0] if collides else None
 
     def impact_loss(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:

@@ -131,7 +131,9 @@ class Faults(Mechanism):
 
     def before_kick(self, state: State, kick: Kick) -> None:
         steps = self.steps[kick.number]
-        self._rates = [step.opening_rate(state.faults[step.fault.name], state.velocity) for step in steps]
+        self._rates = [
+            step.opening_rate(state.faults[step.fault.name], state.velocity, state.step == 0) for step in steps
+        ]
 
     def after_kick(self, state: State, kick: Kick) -> None:
         for step, rate_old in zip(self.steps[kick.number], self._rates, strict=True):

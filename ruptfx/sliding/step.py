@@ -156,7 +156,7 @@ class SlidingStep:
         space = np.zeros(self._filled - n)
         return np.stack([np.concatenate([each[:n], space, each[n:]]) for each in (x, y)])
 
-    def opening_rate(self, state: FaultState, velocity: Floats) -> None:
+    def opening_rate(self, state: FaultState, velocity: Floats, is_first: bool) -> None:
         """Return nothing: the step reads the previous velocities itself."""
 
     def impact_loss(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:

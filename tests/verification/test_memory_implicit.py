@@ -118,7 +118,9 @@ def test_uniaxial_strain_of_rock() -> None:
     assert 5 < beyond.sum() < 15
     elastic = (BULK + 4 / 3 * SHEAR) * strain[1:]
     np.testing.assert_allclose(found, np.where(beyond, volume + 2 / np.sqrt(3) * limit, elastic), rtol=1e-8)
-    assert max(solution.iterations for solution in solutions) <= 4
+    # Whether a point passes the corner of its law once more, which takes an iteration, depends on rounding.
+    assert max(solution.iterations for solution in solutions) <= 6
+    assert all(solution.residuals[-1] < 1e-5 * solution.residuals[-2] for solution in solutions)
     assert_closed(energies)
 
 
