@@ -311,8 +311,9 @@ def omori(time_to_failure: Array, longest: float | None = None) -> Omori:
     best = min((minimize(unlikely, start, bounds=bounds, method="L-BFGS-B") for start in starts), key=lambda r: r.fun)
     p, log_c = best.x
     if not bounds[0][0] < p < bounds[0][1] or log_c >= bounds[1][1] - 1e-6:
-        raise RuptfxError(f"the rate of these {n} events does not rise towards the failure as (t + c)^-p; "
-            "take a window that ends at the failure"
+        raise RuptfxError(
+            f"the rate of these {n} events does not rise towards the failure as (t + c)^-p; take a window that ends at "
+            "the failure"
         )
     c = float(np.exp(log_c))
     if log_c > bounds[1][0] + 1e-3:

@@ -103,6 +103,16 @@ def moment_rate(data: Data) -> np.ndarray:
     return shear_modulus(data) * np.array(rates)
 
 
+def moment(data: Data, row: int = -1) -> float:
+    """Return the moment at a record [N m]: shear modulus times slip, integrated over the surface."""
+    return shear_modulus(data) * float(data["area"].values @ magnitude_of(data, "slip", row))
+
+
+def moment_magnitude(moment: float) -> float:
+    """Return (log10 M_0 - 9.1) / 1.5 of a moment M_0 [N m]; NaN of none (Source: Hanks and Kanamori 1979)."""
+    return float((np.log10(moment) - 9.1) / 1.5) if moment > 0 else np.nan
+
+
 def rupture_velocity(data: Data) -> np.ndarray | None:
     """Return the rupture speed at the points of a structured surface [m/s], shape (strike, dip); None without a grid.
 
@@ -186,18 +196,14 @@ def of_energies(record: Files) -> Table:
 
 
 def of_surface(data: Data) -> Table:
-    """Return the scalars of a rupture on a surface for the summary.
-
-    The moment magnitude is (log10 M_0 - 9.1) / 1.5 with M_0 in N m (Source: Hanks and Kanamori 1979).
-    """
+    """Return the scalars of a rupture on a surface for the summary."""
     if not data.sizes["time"]:
         return {}
-    area, slip = data["area"].values, magnitude_of(data, "slip", -1)
-    moment = shear_modulus(data) * float(area @ slip)
+    area, slip, last = data["area"].values, magnitude_of(data, "slip", -1), moment(data)
     ruptured = np.isfinite(data["rupture_time"].values)
     found: Table = {
-        "moment": moment,
-        "moment_magnitude": (np.log10(moment) - 9.1) / 1.5 if moment > 0 else np.nan,
+        "moment": last,
+        "moment_magnitude": moment_magnitude(last),
         "rupture_area": float(area[ruptured].sum()),
         "max_slip": float(slip.max()),
         "peak_slip_rate": float(np.max(data["peak_slip_rate"].values)),

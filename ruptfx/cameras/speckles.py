@@ -48,8 +48,9 @@ class Speckles(Camera):
 
         bulk = record.bulk
         if bulk.sizes.get("component") != 2 or bulk.sizes["time"] < 2:
-            raise RuptfxError(f"{record.path}: speckles need two snapshots or more of displacements in a plane; "
-                "shorten output.bulk_interval"
+            raise RuptfxError(
+                f"{record.path}: speckles need two snapshots or more of displacements in a plane; shorten "
+                "output.bulk_interval"
             )
         times = bulk["time"].values
         starts = np.arange(times[0], times[-1] - self.exposure * (1 - 1e-9), 1 / self.frame_rate)

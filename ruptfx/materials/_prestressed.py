@@ -24,7 +24,7 @@ class Prestressed(IsotropicElastic):
 
     initial_stress: StressTensor | None = None
     """Initial stress: xx, yy, zz, xy, yz, xz, tension positive; in equilibrium with the tractions of interfaces.
-    Without it that of the table `[initial_stress]`, and without both the bodies start free of stress."""
+    Without it that of the table `[initial_stress]`, and without both, where that is allowed, none."""
 
     @property
     def _initial(self) -> Tensor:

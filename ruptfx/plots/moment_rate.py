@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ruptfx.analysis.surface import magnitude_of, shear_modulus
+from ruptfx.analysis.surface import moment, moment_magnitude, shear_modulus
 from ruptfx.analysis.surface import moment_rate as rate_of
-from ruptfx.figure_style import Array
 from ruptfx.plots._record import has_surface
 from ruptfx.plots._sheet import Sheet, figure
-from ruptfx.record import Data, Files
+from ruptfx.record import Files
 
 PANELS = {"moment_rate": ("Moment rate", "N m/s"), "moment": ("Moment", "N m")}
 
@@ -31,9 +30,10 @@ def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
         Panels: "moment_rate", "moment". Default: both.
     """
     time, surfaces = record.interface["time"].values, record.interfaces
+    moments = {name: np.array([moment(data, row) for row in range(len(time))]) for name, data in surfaces.items()}
     values = {
         "moment_rate": {name: rate_of(data) for name, data in surfaces.items()},
-        "moment": {name: _moment(data) for name, data in surfaces.items()},
+        "moment": moments,
     }
     wanted = sheet.choose(field, list(PANELS))
     axes = sheet.panels(1, len(wanted), 2.6, sharex=True)[0]
@@ -50,13 +50,7 @@ def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
         ax.set(xlabel=f"Time ({t_unit})", ylabel=f"{label} ({printed})", xlim=(time[0] / t_size, time[-1] / t_size))
         ax.set_ylim(bottom=0)
     sheet.letter(axes)
-    last = sum(float(each[-1]) for each in values["moment"].values())
+    last = sum(float(each[-1]) for each in moments.values())
     if last > 0:
-        magnitude, modulus = (np.log10(last) - 9.1) / 1.5, shear_modulus(record.interface)
-        sheet.remark(f"Moment magnitude {magnitude:.2f}; shear modulus {modulus:.4g} Pa.")
-
-
-def _moment(data: Data) -> Array:
-    """Return the moment of a surface at every record [N m]."""
-    area = data["area"].values
-    return shear_modulus(data) * np.array([area @ magnitude_of(data, "slip", row) for row in range(data.sizes["time"])])
+        modulus = shear_modulus(record.interface)
+        sheet.remark(f"Moment magnitude {moment_magnitude(last):.2f}; shear modulus {modulus:.4g} Pa.")
