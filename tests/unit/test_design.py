@@ -23,7 +23,7 @@ import ruptfx
 from ruptfx import lumped
 from ruptfx.bench import run_benchmark
 from ruptfx.case import parse_case, read_case
-from ruptfx.check_law import check_law
+from ruptfx.check_law import Report, check_law
 from ruptfx.materials import Plane
 from ruptfx.record import Record
 from ruptfx.reference.describe import FOLDERS
@@ -36,10 +36,46 @@ EXAMPLES = dict(BLOCKS)
 WEAKENING = {"kind": "hyperbolic_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}
 
 
-def in_a_case(folder: Path, title: str, table: dict[str, Any]) -> Any:
-    """The case, with the example as its plug-in."""
+def of_a_section() -> dict[str, Path]:
+    """Return the file of every example but the line of a list, in the folder that its section says."""
+    kinds = {  # named after a function
+        "Figure": "opening", "Movie": "displacement", "Command": "size", "Benchmark": "rayleigh_example",
+    }  # fmt: skip
+    files = {}
+    for title, folder in re.findall(r"^### ([^\n]+)\n\n`([\w/]+)/`", PAGE, re.MULTILINE):
+        name = re.search(r"^class (\w+)", EXAMPLES[title], re.MULTILINE)
+        kind = kinds[title] if name is None else re.sub(r"(?<!^)(?=[A-Z])", "_", name[1]).lower()
+        files[title] = Path(folder if folder.startswith("tests/") else f"ruptfx/{folder}", f"{kind}.py")
+    return files
+
+
+FILES = of_a_section()
+
+
+def in_its_folder(title: str) -> bool:
+    """Whether a developer has put the example into its folder, as the page advises."""
+    path = PACKAGE.parent / FILES[title]
+    return path.is_file() and path.read_text(encoding="utf-8") == EXAMPLES[title]
+
+
+def plug_in(folder: Path, title: str) -> list[str]:
+    """Return the example as a list of plug-ins, empty if its kind is known from its folder."""
+    if in_its_folder(title):
+        return []
     (folder / "example.py").write_text(EXAMPLES[title], encoding="utf-8")
-    return parse_case({"plugins": ["example.py"], **table}, folder)
+    return ["example.py"]
+
+
+def checked(folder: Path, title: str) -> Report:
+    """Check the law of an example, by its kind if it is in its folder."""
+    (file,) = plug_in(folder, title) or [""]
+    (report,) = check_law(str(folder / file) if file else FILES[title].stem)
+    return report
+
+
+def in_a_case(folder: Path, title: str, table: dict[str, Any]) -> Any:
+    """The case with the kind of an example."""
+    return parse_case({**table, "plugins": [*plug_in(folder, title), *table.get("plugins", [])]}, folder)
 
 
 def executed(title: str) -> dict[str, Any]:
@@ -87,20 +123,12 @@ def examples_in_their_folders(root: Path) -> set[str]:
 
     Return their kinds.
     """
-    written = set()
-    kinds = {  # named after a function
-        "Figure": "opening", "Movie": "displacement", "Command": "size", "Benchmark": "rayleigh_example",
-    }  # fmt: skip
-    for title, text in re.findall(r"^### ([^\n]+)\n\n`([\w/]+)/`", PAGE, re.MULTILINE):
-        name = re.search(r"^class (\w+)", EXAMPLES[title], re.MULTILINE)
-        kind = kinds[title] if name is None else re.sub(r"(?<!^)(?=[A-Z])", "_", name[1]).lower()
-        folder = root / (text if text.startswith("tests/") else f"ruptfx/{text}")
-        folder.mkdir(parents=True, exist_ok=True)
-        assert not (folder / f"{kind}.py").exists()
-        (folder / f"{kind}.py").write_text(EXAMPLES[title], encoding="utf-8")
-        written.add(kind)
+    for title, path in FILES.items():
+        (root / path).parent.mkdir(parents=True, exist_ok=True)
+        assert in_its_folder(title) or not (root / path).exists()
+        (root / path).write_text(EXAMPLES[title], encoding="utf-8")
     (root / "pyproject.toml").write_bytes((PACKAGE.parent / "pyproject.toml").read_bytes())
-    return written
+    return {path.stem for path in FILES.values()}
 
 
 def in_a_copy(root: Path, *folders: str) -> set[str]:
@@ -173,8 +201,7 @@ def test_examples_keep_the_other_contracts_in_their_folders(tmp_path: Path) -> N
 
 
 def test_friction_law_keeps_its_contract(tmp_path: Path) -> None:
-    (tmp_path / "example.py").write_text(EXAMPLES["Friction law"], encoding="utf-8")
-    (report,) = check_law(str(tmp_path / "example.py"))
+    report = checked(tmp_path, "Friction law")
     assert report.sound, report.rows
 
 
@@ -191,8 +218,7 @@ def test_friction_law_in_a_run(tmp_path: Path) -> None:
 
 def test_cohesive_law(tmp_path: Path) -> None:
     """It keeps its contract, and takes 1 / area times the strength and the opening at failure."""
-    (tmp_path / "example.py").write_text(EXAMPLES["Cohesive law"], encoding="utf-8")
-    (report,) = check_law(str(tmp_path / "example.py"))
+    report = checked(tmp_path, "Cohesive law")
     assert report.sound, report.rows
     law = executed("Cohesive law")["Trapezoidal"](f_t=2e6, c=2e6, G_Ic=13.0, G_IIc=13.0)
     assert law.opening_at_failure == pytest.approx(1e-5)
@@ -210,7 +236,6 @@ def test_fracture(tmp_path: Path) -> None:
     from ruptfx.model import Model
 
     table = case({"duration": 2e-6}).table()
-    table["plugins"] = ["example.py", *table["plugins"]]
     table["fracture"] = {"kind": "even_springs", "spring": 3e14, "default": table["fracture"]["default"]}
     broken = in_a_case(tmp_path, "Fracture", table)
     assert Model(broken).cracks.stiffness == pytest.approx(3e14)
@@ -438,8 +463,7 @@ def test_benchmark(tmp_path: Path) -> None:
 
 def test_lumped_model(tmp_path: Path) -> None:
     """It comes to rest after v^2 / (2 mu g)."""
-    (tmp_path / "example.py").write_text(EXAMPLES["Lumped model"], encoding="utf-8")
-    table = {"plugins": ["example.py"], "kind": "sliding_block", "speed": 2.0, "mu_d": 0.5}
+    table = {"plugins": plug_in(tmp_path, "Lumped model"), "kind": "sliding_block", "speed": 2.0, "mu_d": 0.5}
     (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
     found = lumped.simulate(read_case(tmp_path / "case.toml"), tmp_path / "run")
     assert float(found.slip[-1]) == pytest.approx(4.0 / 9.81)
