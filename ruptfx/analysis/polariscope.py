@@ -210,19 +210,13 @@ class Camera:
         if not is_plate(record) or bulk.sizes["time"] < 2:
             raise RuptfxError(f"{record.path}: a polariscope needs two snapshots or more of stresses in a plate")
         per_stress = _fringes_per_stress(record, fringe_constant, thickness)
-        times = bulk["time"].values
         pixels = Pixels(record, self.pixel)
         constant = pixels.raster(per_stress)
 
         def seen(stress: Array) -> Array:
             return pixels.mean(self.light(np.stack([pixels.raster(part) for part in stress.T]), constant))
 
-        starts = np.arange(times[0], times[-1] - self.exposure * (1 - 1e-9), 1 / self.frame_rate)
-        if not len(starts):
-            raise RuptfxError(
-                f"{record.path}: its snapshots last {np.ptp(times):.3g} s, less than an exposure of {self.exposure:g} s"
-                "; shorten it"
-            )
+        starts = frame_times(record, self.frame_rate, self.exposure)
         frames = [
             np.mean([seen(stress) for stress in self._during(record, float(begin), per_stress)], axis=0)
             for begin in starts
@@ -254,6 +248,32 @@ class Camera:
                 )
             part = (moment - times[after - 1]) / (times[after] - times[after - 1])
             yield one + part * (other - one)
+
+
+def frame_times(record: Record, frame_rate: float, exposure: float) -> Array:
+    """Return the beginnings of the exposures that lie between the first and the last snapshot of a run [s].
+
+    Parameters
+    ----------
+    record : Record
+    frame_rate : float
+        Frames per second [Hz].
+    exposure : float
+        Duration of an exposure [s].
+
+    Raises
+    ------
+    RuptfxError
+        The snapshots last less than an exposure.
+    """
+    times = record.bulk["time"].values
+    starts = np.arange(times[0], times[-1] - exposure * (1 - 1e-9), 1 / frame_rate)
+    if not len(starts):
+        raise RuptfxError(
+            f"{record.path}: its snapshots last {np.ptp(times):.3g} s, less than an exposure of {exposure:g} s; "
+            "shorten it"
+        )
+    return starts
 
 
 def _fringes_per_stress(record: Record, fringe_constant: float | None, thickness: float | None) -> Array:

@@ -44,7 +44,7 @@ class Speckles(Camera):
     def film(self, record: Record) -> xarray.DataArray:
         import xarray
 
-        from ruptfx.analysis import image_correlation  # SciPy: not for those who only read the case
+        from ruptfx.analysis import image_correlation, polariscope  # SciPy: not for those who only read the case
 
         bulk = record.bulk
         if bulk.sizes.get("component") != 2 or bulk.sizes["time"] < 2:
@@ -53,12 +53,7 @@ class Speckles(Camera):
                 "output.bulk_interval"
             )
         times = bulk["time"].values
-        starts = np.arange(times[0], times[-1] - self.exposure * (1 - 1e-9), 1 / self.frame_rate)
-        if not len(starts):
-            raise RuptfxError(
-                f"{record.path}: its snapshots last {np.ptp(times):.3g} s, less than an exposure of {self.exposure:g} s"
-                "; shorten it"
-            )
+        starts = polariscope.frame_times(record, self.frame_rate, self.exposure)
         frames: list[np.ndarray] = []
         for number, start in enumerate(starts):
             moved = _mean(times, bulk, float(start), self.exposure)
