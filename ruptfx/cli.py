@@ -27,7 +27,12 @@ class Command(TyperCommand):
 
 
 class Group(TyperGroup):
-    """The program, whose flags are shown in the same way."""
+    """The program, whose flags are shown in the same way; `help COMMAND` stands for `COMMAND --help`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args[:1] == ["help"]:
+            args = [*args[1:2], "--help"]
+        return super().parse_args(ctx, args)
 
     def get_params(self, ctx: Any) -> list[Any]:
         return _without_types(super().get_params(ctx))

@@ -21,7 +21,7 @@ from ruptfx.input.quantities import with_prefix
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
 from ruptfx.platform import launch, parallel
-from ruptfx.platform.progress import Progress, working
+from ruptfx.platform.progress import Progress, note, working
 from ruptfx.platform.stopwatch import phase, restart
 from ruptfx.record import Files, Record
 from ruptfx.recording import run_directory
@@ -106,6 +106,7 @@ def simulate(
     ))  # fmt: skip
     if resume and run_directory.is_finished(comm, out, case):
         if comm.rank == 0:
+            note(f"{out}: complete, nothing is computed; extend it: ruptfx resume {out} --duration TIME", progress)
             complete()
         return Record(out, trust=True)
     draws = case.output.figures and figure_process.LATER not in os.environ

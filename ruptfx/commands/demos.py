@@ -10,6 +10,7 @@ import typer
 import ruptfx
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, screen
+from ruptfx.commands.new import SCHEMA_LINE, write_schema
 
 HEADING = "Begin"
 
@@ -17,6 +18,9 @@ HEADING = "Begin"
 def demos(
     out: Annotated[Path, typer.Argument(help="A directory that does not exist yet.")] = Path("demos"),
     notebooks: Annotated[bool, typer.Option("--notebooks", help="Scripts also as Jupyter notebooks.")] = False,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="With a JSON schema that every case names, for editors.")
+    ] = False,
 ) -> None:
     """Copy the demo cases and scripts of the installed package.
 
@@ -31,6 +35,10 @@ def demos(
             need_jupytext()
         given = Path(ruptfx.__file__).with_name("demos")
         shutil.copytree(given, out, ignore=shutil.ignore_patterns("__pycache__", "pictures"))
+        if schema:
+            write_schema(out)
+            for case in sorted(out.glob("*.toml")):
+                case.write_text(SCHEMA_LINE + case.read_text())
         for script in sorted(out.glob("*.py")) if notebooks else []:
             write_notebook(script)
         shown = f"jupyter lab {out / 'shear_impact.ipynb'}" if notebooks else f"ruptfx check {out / 'impact.toml'}"

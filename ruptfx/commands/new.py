@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -16,6 +17,18 @@ from ruptfx.commands._shared import completed_from, reported, screen
 HEADING = "Begin"
 
 DEMOS = Path(ruptfx.__file__).with_name("demos")
+
+
+SCHEMA = "ruptfx.schema.json"
+SCHEMA_LINE = f"#:schema ./{SCHEMA}\n"
+"""First line of a case: the schema in its directory, as Taplo and the editors that use it read it."""
+
+
+def write_schema(folder: Path) -> None:
+    """Write the JSON schema of cases and studies of this version into a directory, also over an older one."""
+    from ruptfx.reference.describe import file_schema
+
+    (folder / SCHEMA).write_text(json.dumps(file_schema()))
 
 
 def cases() -> list[str]:
@@ -38,8 +51,13 @@ def new(
         str | None,
         typer.Option(help="Material of all bodies, or one for each from top to bottom: pmma,aluminium."),
     ] = None,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="With ruptfx.schema.json beside it: editors complete and check keys.")
+    ] = False,
 ) -> None:
     """Write a commented, runnable case as a template for your own.
+
+    With --schema the first line names a JSON schema, for editors that use Taplo, as Even Better TOML of VS Code.
 
     Example: ruptfx new mine --from bimaterial --materials pmma,aluminium
     """
@@ -59,11 +77,13 @@ def new(
         if materials is not None:
             text = with_materials(text, materials.replace(",", " ").split(), from_)
         case.parent.mkdir(parents=True, exist_ok=True)
+        if schema:
+            text = SCHEMA_LINE + text
+            write_schema(case.parent)
         case.write_text(text)
         for file in files:
             shutil.copy(file, case.parent)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)
-
 
 
 def with_materials(text: str, names: list[str], demo: str) -> str:

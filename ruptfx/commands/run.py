@@ -16,6 +16,7 @@ from ruptfx.platform.progress import Progress, working
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
+    from ruptfx.lumped import LumpedModel
 
 HEADING = "Compute"
 
@@ -63,6 +64,8 @@ def run(
         with reported():
             from ruptfx.lumped import simulate as simulate_lumped
 
+            if resume:
+                begin(_resumed(parsed, out), not quiet)
             with Progress(not quiet) as progress:
                 simulate_lumped(parsed, out, progress.update, resume, overwrite)
             if not quiet:
@@ -84,6 +87,22 @@ def run(
         simulate(parsed, out, comm, progress=not quiet, resume=resume, complete=complete, overwrite=overwrite)
         if comm.rank == 0 and not quiet and figure_process.LATER not in os.environ:
             _show_pictures(out)
+
+
+def _resumed(model: LumpedModel, out: Path) -> str:
+    """Return what resuming a lumped model does: it has no checkpoints.
+
+    Raises
+    ------
+    RuptfxError
+        The directory contains a run of another case.
+    """
+    from ruptfx.results.directories import is_finished, refuse_links
+
+    refuse_links(out)
+    if is_finished(out, model):
+        return f"{out}: complete, nothing is computed; run without --resume and with --overwrite to compute it again"
+    return f"{out}: a lumped model ({model.kind()}) has no checkpoints; it is computed from the start"
 
 
 def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool) -> None:

@@ -42,10 +42,11 @@ def draw(case: Case) -> Figure:
     _draw_bodies(axes, raw)
     for name, facets in raw.edges.items():
         _name(axes, raw.points[facets], name)
+    size, unit = scale(extent, "m")
     model = Model(case, fem.MPI.COMM_SELF)
     for fault in model.faults:
-        _draw_interface(axes, model, fault, 0.12 * float(extent.min()))
-    size, unit = scale(extent, "m")
+        meaning = fault.interface.line.meaning_in(size, unit)
+        _draw_interface(axes, model, fault, 0.12 * float(extent.min()), meaning)
     for axis in (axes.xaxis, axes.yaxis):  # the places of names and arrows stay in metres
         axis.set_major_formatter(lambda value, _: f"{value / size:g}")
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", aspect="equal", title=case.title or None)
@@ -89,7 +90,7 @@ def _name(axes: Axes, sides: np.ndarray, name: str) -> None:
               bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8})  # fmt: skip
 
 
-def _draw_interface(axes: Axes, model: Model, fault: Fault, length: float) -> None:
+def _draw_interface(axes: Axes, model: Model, fault: Fault, length: float, meaning: str) -> None:
     face = fault.interface
     order = np.argsort(face.position)
     x, y = face.points[order].T
@@ -99,7 +100,7 @@ def _draw_interface(axes: Axes, model: Model, fault: Fault, length: float) -> No
     middle = order[len(order) // 4]
     below = face.other_side == "meshed"  # else the tick labels of the axis are there
     marked = list(patches(model.placed[fault.name], f"faults.{fault.name}"))
-    label = f"interface {fault.name}: position = {face.line.meaning}"
+    label = f"interface {fault.name}: position = {meaning}"
     place = face.points[middle if below else order[len(order) // 2]]
     axes.annotate(label, place, (0, -18 if below else 5 + LINE * len(marked)), textcoords="offset points", size=7,
                   ha="left" if below else "center")  # fmt: skip

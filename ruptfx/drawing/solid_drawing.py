@@ -114,4 +114,5 @@ def _draw_map(figure: Figure, row: int, fault: Fault, facets: Array, grid: GridS
     figure.colorbar(drawn, ax=axes, label=f"Initial shear traction ({value_unit})", pad=0.02)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel=f"Along tangent 1 ({unit})")
-    axes.set(ylabel=f"Along tangent 2 ({unit})", title=f"interface {fault.name}: position = {face.line.meaning}")
+    meaning = face.line.meaning_in(size, unit)
+    axes.set(ylabel=f"Along tangent 2 ({unit})", title=f"interface {fault.name}: position = {meaning}")

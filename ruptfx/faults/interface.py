@@ -57,7 +57,11 @@ class Line:
     @property
     def meaning(self) -> str:
         """Definition of the position as text."""
-        start = "(" + ", ".join(f"{value:.6g}" for value in self.origin) + ") m"
+        return self.meaning_in(1.0, "m")
+
+    def meaning_in(self, size: float, unit: str) -> str:
+        """Return the definition of the position as text, with its origin in a unit of this size [m]."""
+        start = "(" + ", ".join(f"{value / size:.6g}" for value in self.origin) + f") {unit}"
         return {"x": "x", "arc length": f"arc length from {start}"}.get(
             self.measure, f"along the first tangent from {start}"
         )

@@ -37,6 +37,12 @@ def working(on: str, show: bool = True) -> Iterator[None]:
         yield
 
 
+def note(text: str, show: bool = True) -> None:
+    """Print a line beside the progress, on standard error."""
+    if show:
+        _console().print(text, soft_wrap=True, markup=False)
+
+
 def _console() -> Console:
     # Under mpiexec the terminal of the launcher counts; `ruptfx run` sets the variable.
     return console(force_terminal=True if os.environ.get("RUPTFX_TERMINAL") else None, stderr=True)

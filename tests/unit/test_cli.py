@@ -32,6 +32,7 @@ from ruptfx.reference.describe import TOPICS, about, entries, entries_of, keys_o
 from ruptfx.results import summary_fields
 from ruptfx.schema import kinds
 
+ROOT = Path(__file__).parents[2]
 GROUP: Any = typer.main.get_command(app)
 
 
@@ -64,6 +65,22 @@ def test_demos_come_along(tmp_path: Path) -> None:
     assert {path.name: path.read_bytes() for path in out.glob("*.toml")} == {p.name: p.read_bytes() for p in given}
     again = ruptfx("demos", out)
     assert again.exit_code == 1 and "exists already; give another directory" in said(again)
+
+
+def test_demos_with_a_schema(tmp_path: Path) -> None:
+    """The first line is Taplo's directive, with a path relative to the case; the rest is that of the demo."""
+    assert ruptfx("demos", tmp_path / "cases", "--schema").exit_code == 0
+    for path in (tmp_path / "cases").glob("*.toml"):
+        first, rest = path.read_text().split("\n", 1)
+        assert first == "#:schema ./ruptfx.schema.json" and rest == (ROOT / "demos" / path.name).read_text()
+    assert "friction" in json.loads((tmp_path / "cases" / "ruptfx.schema.json").read_text())["$defs"]
+
+
+@pytest.mark.parametrize(("asked", "same"), [(["help"], ["--help"]), (["help", "run"], ["run", "--help"])])
+def test_help_is_a_command_as_well(asked: list[str], same: list[str]) -> None:
+    assert ruptfx(*asked).exit_code == 0 and ruptfx(*asked).output == ruptfx(*same).output
+    wrong = ruptfx("help", "runn")
+    assert wrong.exit_code == 2 and "did you mean 'run'?" in said(wrong).lower()
 
 
 # -- refused before anything is computed ---------------------------------------------------------------------------

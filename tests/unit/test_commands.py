@@ -146,7 +146,7 @@ def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None
     shown, size = [label.get_text() for label in axes.get_xticklabels()], 1e-3 if demo == "gmsh" else 1e3
     np.testing.assert_allclose([float(text.replace("−", "-")) * size for text in shown], axes.get_xticks(), rtol=1e-9)
     wanted = {
-        "gmsh": ["above", "below", "above.left", "interface fault: position = arc length from (0, 0.015) m", "n", "t"],
+        "gmsh": ["above", "below", "above.left", "interface fault: position = arc length from (0, 15) mm", "n", "t"],
         "rate_state": ["upper.left", "friction.a", "nucleation.0"],
         "antiplane": ["upper", "upper.top", "interface main: position = x", "nucleation.0"],
     }[demo]
@@ -416,6 +416,38 @@ def test_a_finished_run_is_extended(runs: Path, tmp_path: Path) -> None:
             np.testing.assert_array_equal(one.interface[name], other.interface[name])
     # It did go on: both beginnings are in the log.
     assert len(re.findall("nodes", (extended / "run.log").read_text())) == 2
+
+
+def test_resume_of_a_complete_run_says_that_nothing_is_computed(runs: Path) -> None:
+    when = (runs / "one" / "summary.json").stat().st_mtime_ns
+    result = ruptfx("resume", runs / "one")
+    assert result.exit_code == 0
+    assert f"complete, nothing is computed; extend it: ruptfx resume {runs / 'one'} --duration" in said(result)
+    assert (runs / "one" / "summary.json").stat().st_mtime_ns == when
+    assert "nothing is computed" not in said(ruptfx("resume", runs / "one", "--quiet"))
+
+
+def test_resume_of_a_lumped_model_says_what_it_does(tmp_path: Path) -> None:
+    out, case = tmp_path / "run", ROOT / "demos" / "spring_slider.toml"
+    resume = ("run", case, "--out", out, "--set", "experiment.samples=100", "--resume")
+    assert "(spring_slider) has no checkpoints; it is computed from the start" in said(ruptfx(*resume))
+    when = (out / "result.nc").stat().st_mtime_ns
+    again = said(ruptfx(*resume))
+    assert "complete, nothing is computed" in again and "with --overwrite" in again
+    assert (out / "result.nc").stat().st_mtime_ns == when
+    assert ruptfx(*resume[:-1], "--overwrite").exit_code == 0 and (out / "result.nc").stat().st_mtime_ns != when
+    (out / "summary.json").unlink()  # stopped before its end
+    assert "computed from the start" in said(ruptfx("resume", out))
+
+
+def test_new_with_a_schema(tmp_path: Path) -> None:
+    assert ruptfx("new", tmp_path / "mine", "--schema").exit_code == 0
+    first, rest = (tmp_path / "mine.toml").read_text().split("\n", 1)
+    assert first == "#:schema ./ruptfx.schema.json" and rest.startswith("# Shear impact")
+    printed = json.loads(ruptfx("describe", "--schema").output)
+    assert json.loads((tmp_path / "ruptfx.schema.json").read_text()) == printed
+    assert ruptfx("new", tmp_path / "other").exit_code == 0
+    assert (tmp_path / "other.toml").read_text().replace("other", "mine") == rest
 
 
 def test_resume_of_what_is_no_run(tmp_path: Path) -> None:
