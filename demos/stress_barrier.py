@@ -56,4 +56,4 @@ with style():
     handles, labels = axes[1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
     letter(axes)
-    figure.savefig(figures / "front.png", dpi=150)
+    figure.savefig(figures / "front.png", dpi=200)

@@ -257,7 +257,7 @@ FIGURES = {
     "antiplane": "space_time", "bimaterial": "space_time", "rate_state": "space_time", "kalthoff": "cracks",
     "branching": "cracks", "brazilian": "cracks", "ball": "wavefield", "granite": "emission",
     "debonding": "snapshots", "sliding_start": "forces", "slow_sliding": "forces", "measured_surface": "surfaces",
-    "rough_sliding": "surfaces", "stress_barrier": "front", "fault_zone": "space_time",
+    "rough_sliding": "surfaces", "fault_zone": "space_time",
     "branched_fault": "wavefield", "off_fault_plasticity": "material_state",
     "composite_impact": "space_time", "viscoelastic_impact": "space_time",
 }  # fmt: skip
@@ -329,6 +329,7 @@ COMMANDS = (
     Command("bench fibre --out bench", {"fibre_bench": "fibre"}),
     *(Command(f"{name}.py", {name: name})
       for name in ("pushed_block", "fibre_pull_out", "inclined_plates", "front_types", "impact_3d")),
+    Command("stress_barrier.py", {"stress_barrier": "stress_barrier/figures/front"}),
     Command("contact_fringes.py", {"contact_fringes": "pair"}),
     Command("pressed_block.py", {"pressed_block": "strains"}),
     Command("sensitivity.py", {"sensitivity": "sensitivity"}),

@@ -123,8 +123,9 @@ def test_profiles_are_read_with_headers_units_and_semicolons(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     "text, message",
     [("a,b\n1,x\n", r"line 2 of .*p\.txt: 'x' is not a finite number"),
-     ("1\n2 3\n", r"line 2 of .* same one or two columns"),
-     ("1\n2\n", r"p\.txt: .* at least 8"), ("\n".join(["2 1"] * 9), r"line 2 of .* must increase")],
+     ("1\n2 3\n", r"line 2 of .*p\.txt: 2 columns; every row must have the same one or two"),
+     ("1\n2\n", r"p\.txt: 2 rows; a profile must have at least 8"),
+     ("\n".join(["2 1"] * 9), r"line 2 of .* must increase")],
 )
 def test_bad_profiles_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "p.txt").write_text(text)
@@ -139,7 +140,11 @@ def test_bad_profiles_say_what_is_wrong(tmp_path: Path, text: str, message: str)
         ({"periods": 2.0}, "repeated after 5"),
         ({"blokcs": 3}, "did you mean 'blocks'"),
         ({"alphas": [0.0]}, "greater than 0"),
-        ({"surfaces": [{"name": "s"}]}, "exactly one of R_a, R_q, profile"),
+        ({"surfaces": [{"name": "s"}]}, "exactly one of R_a, R_q, profile, not none"),
+        ({"surfaces": [{"name": "s", "R_a": 1e-6, "R_q": 1e-6}]}, "R_a, R_q, profile, not R_a and R_q"),
+        ({"surfaces": [{"name": "s", "R_a": 1e-6, "cutoff": 1e-3}]}, "cutoff = 0.001 m filters a profile; give"),
+        ({"alphas": [3.0, 5.0, 3.0]}, "alphas: must differ from each other; give 3 once"),
+        ({"layer": {"contact_fraction_min": 0.02}}, "contact_fraction_min = 0.02 must not exceed .* = 0.015"),
         ({"surfaces": [{"name": "s", "profile": "missing.csv"}]}, "no such file"),
     ],
 )

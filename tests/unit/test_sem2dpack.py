@@ -621,23 +621,32 @@ def test_every_reason_is_listed_at_once() -> None:
     ("old", "new", "said"),
     [
         ("nelem=30,12", "nelem=30,13", "must be a box of square elements"),
-        ("nelem=30,12", "nelem=0,12", "nelem must be positive"),
-        ("friction='SWF'", "friction='SWF','RSF'", "SWF, TWF, RSF, or one"),
-        ("Tn=-120.d6", "Tn=120.d6", "Tn: must be negative"),
-        ("81.6d6 70.d6", "81.6d6 70.d6 60.d6", "&DIST_PWCONR: 3 numbers must follow it, and 4 do"),
-        ("TtH='PWCONR'", "TtH='GAUSSIAN'", "ttH = 'GAUSSIAN': &DIST_GAUSSIAN must follow"),
+        ("nelem=30,12", "nelem=0,12", "zlim = 0, 12000, nelem = 0, 12: limits must increase"),
+        ("friction='SWF'", "friction='SWF','RSF'", "friction = ['SWF', 'RSF']: must be SWF, TWF, RSF, or one"),
+        ("Tn=-120.d6", "Tn=120.d6", "Tn = 1.2e+08: must be negative"),
+        ("81.6d6 70.d6", "81.6d6 70.d6 60.d6", "&DIST_PWCONR: 3 numbers must follow it, and 4 do; correct"),
+        ("TtH='PWCONR'", "TtH='GAUSSIAN'", "ttH = 'GAUSSIAN': &DIST_GAUSSIAN must follow, and &DIST_PWCONR does"),
+        ("courant = 0.5d0", "courant = 'half'", "&TIME courant: a number is required, and 'half' is none"),
         ("TotalTime=1.0d0, ", "", "&TIME nbsteps: a number is required"),
-        ("tag = 2 , kind = 'ABSORB'", "tag = 7 , kind = 'ABSORB'", "tag = 7: no edge of this mesh"),
-        ("tag = 1, kind = 'DYNFLT'", "tag = 1, kind = 'LISFLT'", "needs both sides"),
+        ("tag = 2 , kind = 'ABSORB'", "tag = 7 , kind = 'ABSORB'", "tag = 7: no edge of this mesh; use one of 1, 2"),
+        ("tag = 1, kind = 'DYNFLT'", "tag = 1, kind = 'LISFLT'", "tag = 1: a linear-slip fault needs both sides; use"),
         ("kind='newmark'", "kind='quasi-static'", "TIME.kind: kind = 'quasi-static'"),
-        ("method = 'CARTESIAN'", "method = 'MESH2D'", "&MESH_MESH2D: occurs 0 times"),
-        ("tag=1, kind='ELAST' /", "tag=3, kind='ELAST' /", "&MATERIAL tag = 1: is required"),
+        ("method = 'CARTESIAN'", "method = 'MESH2D'", "&MESH_MESH2D: occurs 0 times instead of once; add it"),
+        ("tag=1, kind='ELAST' /", "tag=3, kind='ELAST' /", "&MATERIAL tag = 1: is required, because elements"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said(old: str, new: str, said: str) -> None:
     with pytest.raises(ConversionError) as caught:
         convert(changed(old, new))
     assert says(said, str(caught.value))
+
+
+def test_a_refused_feature_is_left_out_as_the_message_says() -> None:
+    text = changed(*FEATURES["BC_DYNFLT.pp"])
+    with pytest.raises(ConversionError) as caught:
+        convert(text)
+    name = str(caught.value).rpartition("--without ")[2]
+    assert name == "BC_DYNFLT.pp" and f"left out as asked: {name}" in "\n".join(convert(text, without=[name]).notes)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

@@ -74,7 +74,10 @@ def convert(
     found = _Case(given, mesh_file)
     table = found.table()
     if given.problems:
-        raise ConversionError("\n".join(["no counterpart, or incomplete:", *(f"  {each}" for each in given.problems)]))
+        lines = ["no counterpart, or incomplete:", *(f"  {each}" for each in given.problems)]
+        if refused := next((each.partition(":")[0] for each in given.problems if not each.startswith("&")), ""):
+            lines.append(f"a name without & can be left out of the case, as: --without {refused}")
+        raise ConversionError("\n".join(lines))
     head = [f"# From {source} of SEM2DPACK, by: ruptfx convert", *(f"# - {note}" for note in given.notes)]
     return Conversion("\n".join(head) + "\n" + tomli_w.dumps(table), given.notes, found.mesh_text)
 
@@ -89,7 +92,7 @@ def convert_file(path: Path, mesh_file: str, without: Iterable[str] = ()) -> Con
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise ConversionError(f"{path}: cannot be read: {error.strerror}") from None
+        raise ConversionError(f"{path}: cannot be read ({error.strerror}); give the path of a Par.inp") from None
     try:
         return convert(text, path.name, path.parent, mesh_file, without)
     except ConversionError as error:

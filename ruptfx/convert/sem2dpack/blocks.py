@@ -57,7 +57,8 @@ class Block:
         """
         value = self.get(key, default) if default is not None else self.values.get(key, [""])[0]
         if isinstance(value, bool | str):
-            raise ConversionError(f"&{self.name} {key}: a number is required")
+            wrong = f", and {value!r} is none" if value != "" else ""
+            raise ConversionError(f"&{self.name} {key}: a number is required{wrong}")
         return float(value)
 
     def pair(self, key: str, default: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -69,7 +70,7 @@ class Block:
         """
         found = self.values.get(key, list(default or ()))
         if len(found) != 2 or any(isinstance(value, bool | str) for value in found):
-            raise ConversionError(f"&{self.name} {key}: two numbers are required")
+            raise ConversionError(f"&{self.name} {key}: two numbers are required, and {len(found)} values are given")
         return float(found[0]), float(found[1])
 
     def integers(self, *keys: str) -> list[int]:
@@ -150,7 +151,8 @@ class Input:
         """
         same = self.all(name)
         if len(same) > 1 or (required and not same):
-            raise ConversionError(f"&{name}: occurs {len(same)} times instead of once")
+            remedy = "keep one of them" if same else "add it"
+            raise ConversionError(f"&{name}: occurs {len(same)} times instead of once; {remedy}")
         return same[0] if same else Block(name, {})
 
     def following(self, block: Block, beginnings: tuple[str, ...], end: tuple[str, ...]) -> list[Block]:
@@ -174,7 +176,10 @@ class Input:
         path = self.path(block)
         rows = [[real(word) for word in line.split()] for line in path.read_text().splitlines() if line.strip()]
         if not rows or any(len(row) < columns for row in rows):
-            raise ConversionError(f"&{block.name} file = '{path.name}': {columns} columns of numbers are required")
+            raise ConversionError(
+                f"&{block.name} file = '{path.name}': every row must have {columns} numbers; correct the rows, or name "
+                "another file"
+            )
         return np.array([row[:columns] for row in rows])
 
     def path(self, block: Block) -> Path:
@@ -188,7 +193,9 @@ class Input:
         name = str(block.get("file", "")).strip()
         path = (self.folder or Path()) / name
         if not name or self.folder is None or not path.is_file():
-            raise ConversionError(f"&{block.name} file = '{name}': no such file beside the input")
+            raise ConversionError(
+                f"&{block.name} file = '{name}': no such file beside the input; copy it to {self.folder or '.'}"
+            )
         return path
 
 
@@ -219,7 +226,9 @@ def _blocks(text: str, found: list[re.Match[str]]) -> Iterator[Block]:
             group = f90nml.Parser().reads(match[0])
             values: dict[str, object] = next(iter(group.values()), {})
         except Exception as error:  # f90nml raises several kinds for one mistake
-            raise ConversionError(f"&{name}: not a namelist that can be read ({error!s:.100})") from None
+            raise ConversionError(
+                f"&{name}: not a namelist that can be read ({error!s:.100}); correct it, from & to /"
+            ) from None
         table = {key.lower(): [_value(one) for one in _listed(value)] for key, value in values.items()}
         words = text[match.end() : end].split()
         yield Block(name, table, [real(word) for word in words if is_number(word)])

@@ -37,12 +37,17 @@ def fault(given: Input) -> Fault | None:
         return None
     tags = tuple(sorted(found[0].integers("tags", "tag")))
     if len(found) > 1:
-        raise ConversionError(f"&BC_DEF: {len(found)} faults; one is read")
+        raise ConversionError(f"&BC_DEF: {len(found)} faults, and one is converted; remove the others")
     if tags != (5, 6) and len(tags) != 1:
-        raise ConversionError(f"&BC_DEF tags = {list(tags)}: a fault is at 5, 6 inside of the mesh, or at one edge")
+        raise ConversionError(
+            f"&BC_DEF tags = {list(tags)}: a fault is at 5, 6 inside of the mesh, or at one edge; change the tags"
+        )
     kind = found[0].word("kind")
     if kind == "LISFLT" and len(tags) == 1:
-        raise ConversionError("&BC_DEF kind = 'LISFLT': a linear-slip fault needs both sides, tags 5, 6")
+        raise ConversionError(
+            f"&BC_DEF kind = 'LISFLT', tag = {tags[0]}: a linear-slip fault needs both sides; use tags = 5, 6 in a "
+            "mesh with the fault inside"
+        )
     return Fault(tags, kind, _own(given, found[0]))
 
 
@@ -91,8 +96,11 @@ def _periodic(layout: Layout, tags: list[int]) -> list[Table]:
     """Return the ties of opposite edges, one for each side of a fault between them."""
     opposite = {2: 4, 4: 2, 1: 3, 3: 1}
     if len(tags) != 2 or opposite.get(tags[0]) != tags[1]:
-        raise ConversionError(f"&BC_DEF tags = {tags}: periodic edges are 2 and 4, or 1 and 3")
+        raise ConversionError(f"&BC_DEF tags = {tags}: periodic edges must be 2 and 4, or 1 and 3")
     first, second = layout.across_bodies(max(tags)), layout.across_bodies(min(tags))
     if len(first) != len(second):
-        raise ConversionError(f"&BC_DEF tags = {tags}: a fault crosses one of the edges only")
+        raise ConversionError(
+            f"&BC_DEF tags = {tags}: a fault crosses one of the edges only; continue it to the other edge, or use "
+            "another kind for both"
+        )
     return [{"kind": "periodic", "first": a, "second": b} for a, b in zip(first, second, strict=True)]

@@ -36,7 +36,10 @@ def value(given: Input, block: Block, key: str, default: float, shapes: list[Blo
         return block.number(key, default)
     if not shapes or shapes[0].name != f"DIST_{kind}":
         found = f"&{shapes[0].name}" if shapes else "nothing"
-        raise ConversionError(f"&{block.name} {key}H = '{kind}': &DIST_{kind} must follow, and {found} does")
+        raise ConversionError(
+            f"&{block.name} {key}H = '{kind}': &DIST_{kind} must follow, and {found} does; write its block after those "
+            "of the keys before it"
+        )
     shape = shapes.pop(0)
     return profile(field(given, shape), shape, line)
 
@@ -54,7 +57,9 @@ def field(given: Input, shape: Block) -> Field:
         "DIST_LINEAR": _linear, "DIST_SPLINE": _spline, "DIST_HETE1": _grid,
     }  # fmt: skip
     if shape.name not in kinds:
-        raise ConversionError(f"&{shape.name}: only {', '.join(sorted(kinds))} are read")
+        raise ConversionError(
+            f"&{shape.name}: this distribution has no counterpart; use one of {', '.join(sorted(kinds))}"
+        )
     return kinds[shape.name](given, shape)
 
 
@@ -100,7 +105,10 @@ def _bell(shape: Block, line: FaultLine) -> Table | None:
 
 def _numbers(shape: Block, count: int) -> list[float]:
     if len(shape.numbers) != count:
-        raise ConversionError(f"&{shape.name}: {count} numbers must follow it, and {len(shape.numbers)} do")
+        raise ConversionError(
+            f"&{shape.name}: {count} numbers must follow it, and {len(shape.numbers)} do; correct its counts or the "
+            "numbers"
+        )
     return shape.numbers
 
 
@@ -151,13 +159,16 @@ def _along(shape: Block) -> Callable[[Floats, Floats], Floats]:
 def _linear(given: Input, shape: Block) -> Field:
     """Return straight lines between points, continued beyond their ends."""
     if shape.number("length", 0.0) > 0:
-        raise ConversionError("&DIST_LINEAR length: a moving average has no counterpart here")
+        raise ConversionError(
+            f"&DIST_LINEAR length = {shape.number('length'):g}: a moving average has no counterpart; remove the key, "
+            "and give points of the averaged line"
+        )
     if shape.word("file"):
         x_0, y_0 = given.table(shape, 2).T
     else:
         x_0, y_0 = np.array(_numbers(shape, 2 * int(shape.number("n")))).reshape(-1, 2).T
     if len(x_0) < 2:
-        raise ConversionError("&DIST_LINEAR: two points are required")
+        raise ConversionError(f"&DIST_LINEAR: {len(x_0)} points; give at least two")
     axis = _along(shape)
 
     def at(x: Floats, z: Floats) -> Floats:
@@ -185,7 +196,10 @@ def _grid(given: Input, shape: Block) -> Field:
         numbers = [float(word.lower().replace("d", "e")) for word in words[3:]]
         (x_0, z_0, dx, dz), rows = numbers[:4], np.array(numbers[4:]).reshape(nz, nx, columns)
     except ValueError:
-        raise ConversionError(f"&DIST_HETE1 file = '{shape.get('file', '')}': not a grid") from None
+        raise ConversionError(
+            f"&DIST_HETE1 file = '{shape.get('file', '')}': not a grid; it must have columns, nx, nz, origin, spacing "
+            "and nx * nz rows of numbers"
+        ) from None
     values = rows[:, :, int(shape.number("col", 1)) - 1]
 
     def at(x: Floats, z: Floats) -> Floats:

@@ -79,7 +79,9 @@ class _Friction:
         names = [name for name in block.words("friction", "SWF") if name]
         slip_weakening, rate_and_state = "SWF" in names, "RSF" in names
         if set(names) - {"SWF", "TWF", "RSF"} or (slip_weakening and rate_and_state) or not names:
-            raise ConversionError(f"&BC_DYNFLT friction = {names}: SWF, TWF, RSF, or one of SWF and RSF with TWF")
+            raise ConversionError(
+                f"&BC_DYNFLT friction = {names}: must be SWF, TWF, RSF, or one of SWF and RSF with TWF"
+            )
         friction = self._rate_and_state(stress["v"]) if rate_and_state else self._slip_weakening()
         nucleation = None
         if "TWF" in names:
@@ -101,7 +103,10 @@ class _Friction:
         normal, shear = stress["tn"], stress["tt"]
         if tensor:
             if any(isinstance(each, dict) for each in (normal, shear, *tensor.values())):
-                raise ConversionError("&BC_DYNFLT: a stress tensor beside, or with, distributions; write the tractions")
+                raise ConversionError(
+                    f"&BC_DYNFLT {', '.join(tensor)}: a stress tensor beside, or with, distributions; write the "
+                    "tractions Tn and Tt instead"
+                )
             ends = self.line.points[[0, -1]]
             x, z = (ends[1] - ends[0]) / max(abs(ends[1] - ends[0]).max(), 1e-300)
             tx, tz = x / (x * x + z * z) ** 0.5, z / (x * x + z * z) ** 0.5
@@ -116,7 +121,9 @@ class _Friction:
         values = normal.get("values", [normal.get("inside", 1), normal.get("outside", 1)]) if isinstance(
             normal, dict) else [normal]  # fmt: skip
         if min(values) <= 0:
-            raise ConversionError("&BC_DYNFLT Tn: must be negative, which is compression")
+            raise ConversionError(
+                f"&BC_DYNFLT Tn = {0.0 - min(values):g}: must be negative, compression, everywhere on the fault"
+            )
         if not self.inside:
             self.given.note(
                 "the fault at the edge is the middle of two equal plates that shear each other"
@@ -152,11 +159,13 @@ class _Friction:
             weakening = {"mu_s": found.pop("f_0"), "V_w": found.pop("V_0"), **found}
             return {"kind": "rate_and_state_velocity_weakening", **weakening}
         if kind not in kinds:
-            raise ConversionError(f"&BC_DYNFLT_RSF kind = {kind}: 1, 2, 3 or 4")
+            raise ConversionError(f"&BC_DYNFLT_RSF kind = {kind}: must be 1, 2, 3 or 4")
         state = {"V_initial": slip_rate} if theta == 0.0 else {"theta_initial": theta}
         if kind == 4:
             if isinstance(found["D_c"], dict) or isinstance(cut_off, dict):
-                raise ConversionError("&BC_DYNFLT_RSF kind = 4: Dc and Vc must be numbers")
+                raise ConversionError(
+                    "&BC_DYNFLT_RSF kind = 4: Dc and Vc must be numbers; replace their distributions by one value"
+                )
             state["theta_c"] = found["D_c"] / cut_off
         return {"kind": kinds[kind], **found, **state}
 
@@ -165,7 +174,10 @@ class _Friction:
         block = self.of("BC_DYNFLT_TWF")[0]
         center, distance = self.line.locate((block.number("x", 0.0), block.number("z", 0.0)))
         if distance > 1e-6 * (self.line.positions[-1] - self.line.positions[0]):
-            raise ConversionError("&BC_DYNFLT_TWF X, Z: the hypocenter is not on the fault")
+            raise ConversionError(
+                f"&BC_DYNFLT_TWF X, Z = {block.number('x', 0.0):g}, {block.number('z', 0.0):g}: {distance:g} m away "
+                "from the fault; move the hypocenter onto it"
+            )
         speed, width = block.number("v", 1e3), block.number("l", 1.0)
         mu_s, mu_d, mu_0 = (block.number(key, default) for key, default in (("mus", 0.6), ("mud", 0.5), ("mu0", 0.6)))
         early = (mu_s - mu_0) / (mu_s - mu_d) * width / speed if block.number("kind", 1) == 1 else 0.0
@@ -197,7 +209,10 @@ class _Friction:
             self.given.refuse("BC_DYNFLT_TWF.kind", "time weakening alone that ends, or whose front changes its speed")
         mu_s, mu_d = block.number("mus", 0.6), block.number("mud", 0.5)
         if start:
-            raise ConversionError("&BC_DYNFLT_TWF Mu0: must be MuS where time weakening is the only law")
+            raise ConversionError(
+                f"&BC_DYNFLT_TWF Mu0 = {block.number('mu0', 0.6):g}: must be MuS = {mu_s:g} where time weakening is "
+                "the only law"
+            )
         arrival: Table = {"kind": "cone", "slope": 1 / block.number("v", 1e3), "center": center}
         return {"kind": "time_weakening", "mu_s": mu_s, "mu_d": mu_d, "arrival": arrival, "t_w": duration}
 
@@ -210,7 +225,7 @@ class _Friction:
             memory: Table = {"L_p": block.number("l", 1.0), "V_star": block.number("v", 1.0)}
             return {"kind": "prakash_clifton", **memory, "law": friction}
         if kind != 1:
-            raise ConversionError(f"&BC_DYNFLT_NOR kind = {kind}: 1, 2 or 3")
+            raise ConversionError(f"&BC_DYNFLT_NOR kind = {kind}: must be 1, 2 or 3")
         return friction
 
 

@@ -57,6 +57,9 @@ class FaultLine:
         along = (last - first) / np.linalg.norm(last - first)
         across = np.array([-along[1], along[0]])
         if np.ptp(self.points @ across) > FLAT * np.ptp(self.positions):
-            raise ConversionError("&BC_DYNFLT: a center of a distribution beside a curved fault has no position")
+            raise ConversionError(
+                f"&BC_DYNFLT: the point {point[0]:g}, {point[1]:g} of a distribution has no position on a curved "
+                "fault; give values along x or z (DIST_LINEAR, DIST_SPLINE)"
+            )
         from_first = np.asarray(point) - first
         return float(self.positions[0] + from_first @ along), float(abs(from_first @ across))

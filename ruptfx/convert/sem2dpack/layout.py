@@ -62,7 +62,10 @@ class Layout:
             The mesh has no such fault.
         """
         if any(tag not in self.mesh.sides for tag in self.fault):
-            raise ConversionError(f"&BC_DEF tags = {list(self.fault)}: the mesh has no such fault")
+            raise ConversionError(
+                f"&BC_DEF tags = {list(self.fault)}: the mesh has no such fault, but the sides "
+                f"{', '.join(str(side) for side in sorted(self.mesh.sides))}; correct the tags, or split the mesh"
+            )
         facets = self.mesh.points[self.mesh.sides[self.fault[0]]]
         return FaultLine.of(facets, self._normal(facets), self.order)
 
@@ -138,7 +141,7 @@ class Layout:
             own = [name for name in there if name.rpartition(".")[2] == side]
             if not own:
                 known = ", ".join(str(side) for side in sorted(self.mesh.sides))
-                raise ConversionError(f"&BC_DEF tag = {tag}: no edge of this mesh, which has {known}")
+                raise ConversionError(f"&BC_DEF tag = {tag}: no edge of this mesh; use one of {known}")
             found += own
         return found
 
@@ -268,7 +271,7 @@ def arrange(
     """
     missing = [int(tag) for tag in np.unique(mesh.tags) if tag not in media]
     if missing:
-        raise ConversionError(f"&MATERIAL tag = {missing[0]}: is required")
+        raise ConversionError(f"&MATERIAL tag = {missing[0]}: is required, because elements of the mesh have this tag")
     sides = _sides(mesh, fault)
     found = [media[int(tag)] for tag in np.unique(mesh.tags)]
     tables = [(medium.table, viscous_apart and medium.viscosity is not None) for medium in found]

@@ -43,7 +43,7 @@ def read(given: Input) -> dict[int, Medium]:
     """
     blocks = given.all("MATERIAL")
     if not blocks:
-        raise ConversionError("&MATERIAL: is required")
+        raise ConversionError("&MATERIAL: is required and missing; give one for every tag of the mesh")
     media = {}
     for block in blocks:
         kinds, tag = block.words("kind", "ELAST"), int(block.number("tag"))
@@ -78,7 +78,7 @@ def _elastic(given: Input, block: Block) -> Table:
     c11, c13, c33, c55 = (block.number(key, 0.0) for key in ("c11", "c13", "c33", "c55"))
     c66 = block.number("c66", c55)
     if min(c11, c33) <= 0:
-        raise ConversionError(f"&{block.name} c11, c33: are required beside c55")
+        raise ConversionError(f"&{block.name} c11 = {c11:g}, c33 = {c33:g}: must be positive beside c55; give both")
     # In plane strain only c11, c13, c33 and c55 matter: contraction out of the plane may be zero.
     return {
         "kind": "orthotropic_elastic", "density": density, "E_1": c11 - c13**2 / c33, "E_2": c33 - c13**2 / c11,
@@ -115,7 +115,7 @@ def _plastic(given: Input, block: Block) -> Table:
     xx, yy, xy = ([float(each) for each in block.values.get("e0", [0.0])] + [0.0] * 3)[:3]
     relaxation = block.number("tv", 0.0)
     if relaxation <= 0:
-        raise ConversionError("&MAT_PLASTIC Tv: must be positive here; a time step, for example")
+        raise ConversionError(f"&MAT_PLASTIC Tv = {relaxation:g}: must be positive here; give a time step, for example")
     trace = first * (xx + yy)
     return {
         "kind": "mohr_coulomb", "density": density, "c_p": c_p, "c_s": c_s, "cohesion": block.number("coh"),

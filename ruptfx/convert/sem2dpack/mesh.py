@@ -80,7 +80,10 @@ def _box(given: Input) -> Mesh:
     (left, right), (low, high), nelem = box.pair("xlim"), box.pair("zlim"), box.pair("nelem")
     nx, nz = int(nelem[0]), int(nelem[1])
     if min(nx, nz) < 1 or right <= left or high <= low:
-        raise ConversionError("&MESH_CART: xlim and zlim must increase, and nelem must be positive")
+        raise ConversionError(
+            f"&MESH_CART xlim = {left:g}, {right:g}, zlim = {low:g}, {high:g}, nelem = {nx}, {nz}: limits must "
+            "increase, and nelem must be positive"
+        )
     cut = -1 if box.get("faultx", False) else int(box.number("ezflt", 0))
     cut = nz // 2 if cut < 0 else cut
     tags = np.ones((nz, nx), dtype=np.int64)
@@ -94,7 +97,10 @@ def _box(given: Input) -> Mesh:
         near = int(box.number("fznz", 1))
         tags[max(cut - near, 0) : cut + near] = zone
     if not tags.all():
-        raise ConversionError("&MESH_CART_DOMAIN: the domains do not cover the box")
+        raise ConversionError(
+            f"&MESH_CART_DOMAIN: {(tags == 0).sum()} of {tags.size} elements are in no domain; extend ex and ez, which "
+            f"must reach from 1 to {nx} and {nz}"
+        )
     x, z = np.linspace(left, right, nx + 1), np.linspace(low, high, nz + 1)
     mesh = _structured(x, np.repeat(z[:, None], nx + 1, axis=1), tags, cut)
     width, height = (right - left) / nx, (high - low) / nz
@@ -117,7 +123,9 @@ def _layers(given: Input) -> Mesh:
             tops, rows = [*tops, _top(given, layer, x)], [*rows, int(layer.number("nz"))]
             tags = [*tags, int(layer.number("tag", number))]
     if not tops or len(tops) != int(block.number("nlayer", len(tops))):
-        raise ConversionError(f"&MESH_LAYERED nlayer: {len(tops)} layers follow")
+        raise ConversionError(
+            f"&MESH_LAYERED nlayer = {block.get('nlayer', 0)}: {len(tops)} layers follow; give as many &MESH_LAYER"
+        )
     z, names = [np.full(nx + 1, low)], []
     for top, count, tag in zip(reversed(tops), reversed(rows), reversed(tags), strict=True):
         below = z[-1]
@@ -132,7 +140,9 @@ def _top(given: Input, layer: Block, x: Floats) -> Floats:
         return np.full(len(x), layer.number("ztop"))
     shape = next(iter(given.following(layer, ("DIST_",), ("MESH_LAYER",))), None)
     if shape is None or shape.name != f"DIST_{kind}":
-        raise ConversionError(f"&MESH_LAYER ztopH = '{kind}': &DIST_{kind} must follow")
+        raise ConversionError(
+            f"&MESH_LAYER ztopH = '{kind}': &DIST_{kind} must follow; write its block after the layer"
+        )
     if kind != "LINEAR":
         given.note("curved layers are straight from vertex to vertex")
     return distributions.field(given, shape)(x, np.zeros_like(x))
@@ -173,7 +183,10 @@ def _file(given: Input) -> Mesh:
             cell, edge = edges[:, 1].astype(int) - 1, edges[:, 2].astype(int) - 1
             sides[int(tag)] = np.stack([quads[cell, edge], quads[cell, (edge + 1) % 4]], axis=1)
     except (IndexError, ValueError):
-        raise ConversionError(f"&{block.name} file = '{path.name}': not a mesh of this format") from None
+        raise ConversionError(
+            f"&{block.name} file = '{path.name}': not a mesh of this format, which begins with NEL NPEL NNOD "
+            "NBC and has nodes, elements and sides"
+        ) from None
     if corners != 4:
         given.note("curved elements are straight from vertex to vertex")
     mesh = Mesh(points[:, 1:3], quads, elements[:, -1].astype(np.int64), sides)

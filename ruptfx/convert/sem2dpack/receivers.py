@@ -36,7 +36,7 @@ def read(given: Input, layout: Layout, time_step: float, shortest: float) -> lis
         points = np.linspace(block.pair("first"), block.pair("last"), count) if count else np.zeros((0, 2))
     field = block.word("field", "V")
     if field not in (*FIELDS, "A"):
-        raise ConversionError(f"&REC_LINE field = '{field}': D, V or A")
+        raise ConversionError(f"&REC_LINE field = '{field}': must be D, V or A")
     if field == "A":
         given.note("receivers record the velocity, not the acceleration")
     interval = block.number("isamp", 1) * time_step

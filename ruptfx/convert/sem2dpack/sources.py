@@ -39,7 +39,10 @@ def read(
         if mechanism == "WAVE":
             wave = _wave(_block(own, "SRC_WAVE"), plane, amplitude, history)
             if not open_edges:
-                raise ConversionError("&SRC_DEF mechanism = 'WAVE': no absorbing edge lets the wave in")
+                raise ConversionError(
+                    "&SRC_DEF mechanism = 'WAVE': no absorbing edge lets the wave in; give the edge that it comes "
+                    "from kind = 'ABSORB'"
+                )
             found = [wave | {"edge": each["edge"]} if each.get("edge") in open_edges and each["kind"] == "absorbing"
                      else each for each in found]  # fmt: skip
             continue
@@ -85,10 +88,16 @@ def _action(mechanism: str, own: list[Block], plane: str, amplitude: float) -> T
     elif mechanism == "MOMENT":
         block = _block(own, "SRC_MOMENT")
         if not antiplane and block.number("mxz", 0.0) != block.number("mzx", 0.0):
-            raise ConversionError("&SRC_MOMENT Mxz, Mzx: must be equal, a moment tensor is symmetric")
+            raise ConversionError(
+                f"&SRC_MOMENT Mxz = {block.number('mxz', 0.0):g}, Mzx = {block.number('mzx', 0.0):g}: must be equal, a "
+                "moment tensor is symmetric"
+            )
         entries = [block.number(key, 0.0) for key in (("myx", "myz") if antiplane else ("mxx", "mzz", "mxz"))]
     else:
-        raise ConversionError(f"&SRC_DEF mechanism = '{mechanism}': no counterpart in this plane")
+        raise ConversionError(
+            f"&SRC_DEF mechanism = '{mechanism}': no counterpart in this plane; write a boundary of kind point_force "
+            "or moment into the case"
+        )
     return {"kind": "moment", "moment": [amplitude * each for each in entries]}
 
 
@@ -118,7 +127,10 @@ def _course(given: Input, kind: str, own: list[Block], duration: float) -> tuple
         later, width = t - block.number("onset", 0.0), block.number("std", 1.0)
         values = np.exp(-0.5 * (later / width) ** 2) * np.sin(block.number("f0", 1.0) * later)
     else:
-        raise ConversionError(f"&SRC_DEF stf = '{kind}': RICKER, GAUSSIAN, BRUNE, GAUSSXSIN and TAB are read")
+        raise ConversionError(
+            f"&SRC_DEF stf = '{kind}': must be one of RICKER, GAUSSIAN, BRUNE, GAUSSXSIN and TAB; write other "
+            "functions as a table, TAB"
+        )
     return block.number("ampli", 1.0), _sampled(t, values)
 
 

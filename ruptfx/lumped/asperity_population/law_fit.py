@@ -59,5 +59,7 @@ class Trace:
         begin = [*np.log([float(start.a), float(start.b), float(start.D_c)]), float(start.f_0)]
         found = least_squares(misfit, begin, x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4)
         if not found.success:
-            raise RuptfxError(f"the fit of a law to the population failed: {found.message}; start closer to it")
+            raise RuptfxError(
+                f"the fit of a law to the population failed: {found.message}; increase asperities or distance"
+            )
         return law(found.x), float(np.linalg.norm(found.fun))

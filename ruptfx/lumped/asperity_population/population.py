@@ -153,7 +153,7 @@ class Population:
         if not abs(carried - self.load) <= 1e-9 * self.load:
             raise RuptfxError(
                 f"no separation of the surfaces carries the load of {self.load:g} N: {carried:g} N at "
-                f"{self.separation:g} m; check normal_force and the asperities"
+                f"{self.separation:g} m; decrease normal_force, or increase stiffness"
             )
         if self.separation < 0:
             raise RuptfxError(

@@ -116,4 +116,4 @@ def slip_event(chain: Chain, u: np.ndarray, dt: float) -> Event:
         dissipated += 0.5 * dt * float(friction @ (after + velocity))
         sliding, velocity = after > 0, after
         u += dt * velocity
-    raise RuptfxError(f"an event has not ended after {_MOST_STEPS} steps; take a larger drop, or less weakening")
+    raise RuptfxError(f"an event has not ended after {_MOST_STEPS} steps; increase drop, or decrease weakening")

@@ -67,7 +67,8 @@ class MaxwellSlip(LumpedModel):
         if self.mu_d >= self.mu_s:
             raise ValueError(f"mu_d = {self.mu_d:g} must be less than mu_s = {self.mu_s:g}")
         if len(set(self.alphas)) != len(self.alphas):
-            raise ValueError("alphas must differ from each other")
+            twice = sorted({alpha for alpha in self.alphas if self.alphas.count(alpha) > 1})
+            raise ValueError(f"alphas: must differ from each other; give {', '.join(f'{a:g}' for a in twice)} once")
         # Every block has slipped after a drive displacement of 2 mu_s N_b / k; then the ensemble is periodic.
         needed = self.mu_s / (self.mu_s - self.mu_d) + 1
         if self.periods < needed:

@@ -41,7 +41,10 @@ class ContactLayer(Part):
     @model_validator(mode="after")
     def _ordered(self) -> ContactLayer:
         if self.contact_fraction_min > self.contact_fraction_max:
-            raise ValueError("contact_fraction_min must not exceed contact_fraction_max")
+            raise ValueError(
+                f"contact_fraction_min = {self.contact_fraction_min:g} must not exceed contact_fraction_max = "
+                f"{self.contact_fraction_max:g}"
+            )
         return self
 
     def scale(self, mu_s: float, fraction: float, pressure: float | None = None) -> float:
@@ -112,9 +115,10 @@ class Surface(Part):
     @model_validator(mode="after")
     def _one_measure(self) -> Surface:
         if sum(value is not None for value in (self.R_a, self.R_q, self.profile)) != 1:
-            raise ValueError("give exactly one of R_a, R_q, profile")
+            given = [key for key in ("R_a", "R_q", "profile") if getattr(self, key) is not None]
+            raise ValueError(f"give exactly one of R_a, R_q, profile, not {' and '.join(given) or 'none'}")
         if self.cutoff is not None and self.profile is None:
-            raise ValueError("cutoff filters a profile; give one")
+            raise ValueError(f"cutoff = {self.cutoff:g} m filters a profile; give profile, or remove cutoff")
         return self
 
     def roughness(self) -> float:
@@ -163,14 +167,18 @@ def read_profile(path: str | Path, unit: float | None = None) -> tuple[np.ndarra
                 above.append((line, content))
                 continue  # empty line, comment, or header
             if len(words) > 2 or (rows and len(words) != len(rows[0])):
-                raise ValueError(f"line {line} of {path}: every row needs the same one or two columns")
+                raise ValueError(
+                    f"line {line} of {path}: {len(words)} columns; every row must have the same one or two"
+                )
             if not rows:
                 scales = _scales(above, len(words), unit, path)
             rows.append([number(word, path, line, scale) for word, scale in zip(words, scales, strict=True)])
             lines.append(line)
         table = np.array(rows)
         if len(rows) < 8:
-            raise ValueError(f"{path}: a profile is at least 8 rows of heights, or of positions and heights")
+            raise ValueError(
+                f"{path}: {len(rows)} rows; a profile must have at least 8, of heights, or of positions and heights"
+            )
         if table.shape[1] == 1:
             return None, table[:, 0]
         require_increasing([row[0] for row in rows], lines, path)
@@ -211,9 +219,11 @@ def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff:
     x = np.arange(len(height), dtype=float) if position is None else position
     if cutoff is not None:
         if position is None:
-            raise RuptfxError("cutoff needs a profile with positions (two columns)")
+            raise RuptfxError(f"cutoff = {cutoff:g} m needs positions; give a profile of two columns, or remove cutoff")
         if cutoff >= np.ptp(x):
-            raise RuptfxError(f"cutoff = {cutoff:g} m must be shorter than the profile ({np.ptp(x):g} m)")
+            raise RuptfxError(
+                f"cutoff = {cutoff:g} m must be shorter than the profile ({np.ptp(x):g} m); decrease it, or remove it"
+            )
         even = np.linspace(x[0], x[-1], len(x))
         height, x = np.interp(even, x, height), even
         height = height - _waviness(height, _ISO_SIGMA * cutoff / (x[1] - x[0]))

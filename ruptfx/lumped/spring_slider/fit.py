@@ -121,12 +121,16 @@ def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         with open(path, encoding="utf-8-sig", newline="") as file:
             numbered = [(n, line) for n, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
-        raise RuptfxError(f"{path}: cannot be read: {error}") from None
+        raise RuptfxError(
+            f"{path}: cannot be read ({error}); give a CSV with the columns {', '.join(_COLUMNS)}"
+        ) from None
     rows = list(csv.reader(line for _, line in numbered))
     try:
         columns = named_columns(rows[0] if rows else [], _COLUMNS, path, numbered[0][0] if numbered else 0)
         if missing := [name for name in _COLUMNS if name not in columns]:
-            raise ValueError(f"{path}: column {', '.join(missing)} is missing; the first line must name the columns")
+            raise ValueError(
+                f"{path}: column {', '.join(missing)} is missing; the first line must name {', '.join(_COLUMNS)}"
+            )
         chosen = [columns[name] for name in _COLUMNS]
         table = np.array([
             [number(row[place] if place < len(row) else None, path, line, scale) for place, scale in chosen]
@@ -137,5 +141,7 @@ def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     if len(table) < 20:
-        raise RuptfxError(f"{path}: at least 20 rows of numbers are needed to fit, found {len(table)}")
+        raise RuptfxError(
+            f"{path}: at least 20 rows of numbers are needed to fit, found {len(table)}; sample the trace more often"
+        )
     return table[:, 0], table[:, 1], table[:, 2]

@@ -146,7 +146,10 @@ def integrate(
         nonlocal there, calls
         there, calls = (there, calls + 1) if abs(time - there) <= same else (time, 0)
         if calls > STUCK:
-            raise RuptfxError(f"the slider's motion stops at t = {time:.6g} s: its rates are too large for any step")
+            raise RuptfxError(
+                f"the slider's motion stops at t = {time:.6g} s: its rates are too large for any step; decrease "
+                "stiffness or the drive speeds, or increase friction.D_c"
+            )
         return slider.rates(z * scale, speed(time), weight(time)) / scale
 
     span, first = times[-1] - times[0], times[0]
@@ -251,7 +254,8 @@ def oscillates(slider: Slider, speeds: np.ndarray, periods: float = 12.0) -> np.
         )
     if not solution.success:
         raise RuptfxError(
-            f"the stability diagram could not be integrated: {solution.message}; narrow its ranges"
+            f"the stability diagram could not be integrated: {solution.message}; narrow its ranges of speeds and "
+            "stiffnesses"
         )
     away = np.abs(solution.y.reshape(slider.size, count, -1)[1] - slider.steady(speeds)[1][:, None])
     quarter = away.shape[1] // 4

@@ -47,7 +47,10 @@ class StabilityDiagram(Experiment):
         law = slider.law
         unit = float(law.b - law.a) / float(law.D_c)
         if unit <= 0:
-            raise RuptfxError("friction.b must exceed friction.a: this slider is stable at every stiffness")
+            raise RuptfxError(
+                f"friction.b = {float(law.b):g} must exceed friction.a = {float(law.a):g}: this slider is stable at "
+                "every stiffness, so that there is no boundary to find"
+            )
         speeds = np.geomspace(self.slowest, self.fastest, self.speeds)
         ratio = np.linspace(self.softest, self.stiffest, self.stiffnesses)
         progress(0.0, "linear analysis")
@@ -247,7 +250,10 @@ class ModulatedLoad(Experiment):
 
         found, _, status, message = fsolve(defect, start / scale, full_output=True, xtol=1e-10, epsfcn=1e-10)
         if status != 1 and np.abs(defect(found)).max() > 1e-6:
-            raise RuptfxError(f"no periodic sliding found at load amplitude {eps:g}: {message.strip()}; lower it")
+            raise RuptfxError(
+                f"no periodic sliding found at load amplitude {eps:g}: {message.strip()}; decrease "
+                "experiment.amplitudes"
+            )
         return self._cycle(slider, found * scale, eps, self.samples)
 
     def _friction(self, slider: Slider) -> float:
