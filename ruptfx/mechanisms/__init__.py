@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.mechanisms._system import System
-    from ruptfx.operators import Damped
+    from ruptfx.operators import Damped, Inelastic
     from ruptfx.state import State
 
 Floats = NDArray[np.float64]
@@ -126,6 +126,8 @@ class Mechanism:
         on any number of ranks.
     damped : Damped, optional
         Viscous damping of all elements, which the bulk kernel computes in its sweep.
+    inelastic : Inelastic, optional
+        Inelastic stress of materials with memory, which the bulk kernel computes in its sweep.
     energies : tuple of Energy
         Columns of the energy table that only cases with this mechanism have.
     """
@@ -136,6 +138,7 @@ class Mechanism:
     energies: ClassVar[tuple[Energy, ...]] = ()
     rounds_as_kernel: bool = False
     damped: Damped | None = None
+    inelastic: Inelastic | None = None
 
     def __init__(self, model: System) -> None:
         self.model = model

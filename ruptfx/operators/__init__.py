@@ -6,7 +6,7 @@ agree with it to round-off.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -194,6 +194,40 @@ class Damped:
     lost: np.ndarray
 
 
+class InsertedSweep(Protocol):
+    """Compiled sweep over the elements of one material with memory, which a bulk kernel calls."""
+
+    batches: np.ndarray
+    """Local cells, shape (batches, lanes); padding cells repeat others."""
+
+    def call(self, state: np.ndarray) -> tuple[int, int, int]:
+        """Return the addresses of the C function `add_force`, of its plan and of its memory (`struct sweep`)."""
+
+
+@dataclass
+class Inelastic:
+    """Inelastic stress of materials with memory in a step.
+
+    Attributes
+    ----------
+    sweeps : list of InsertedSweep
+    force : ndarray, shape (nodes * components,)
+        Force of that stress [N]; zero before the step, and after it at updated nodes. At the others the caller adds it.
+    power : ndarray, shape (2,)
+        Sums to which the power of the force at updated nodes is added [W]: with the old and with the new velocity.
+    states : list of ndarray
+        States of the points of each sweep, advanced in the step.
+    dt : float
+        Time since the last advance of the states [s].
+    """
+
+    sweeps: Sequence[InsertedSweep]
+    force: np.ndarray
+    power: np.ndarray
+    states: Sequence[np.ndarray] = ()
+    dt: float = 0.0
+
+
 @runtime_checkable
 class FusedOperator(Operator, Protocol):
     """Operator that also makes explicit steps: it updates nodes as soon as their force is complete."""
@@ -202,18 +236,23 @@ class FusedOperator(Operator, Protocol):
     def damps(self) -> bool:
         """True if its steps include the damping of all elements."""
 
-    def prepare_step(self, by_caller: np.ndarray) -> None:
-        """Set which nodes steps leave to the caller, shape (nodes,); nodes shared with other ranks always."""
+    def prepare_step(self, by_caller: np.ndarray, sweeps: Sequence[InsertedSweep] = ()) -> None:
+        """Set which nodes steps leave to the caller, shape (nodes,), and the sweeps of `Inelastic`.
+
+        Nodes shared with other ranks are always left to the caller.
+        """
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
+        inelastic: Inelastic | None = None,
     ) -> float:
         """Compute the first part of a step, as `MatrixFree.step`: elements at nodes shared with other ranks."""
 
     def step_interior(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
+        inelastic: Inelastic | None = None,
     ) -> float:
         """Compute the remaining part of the step."""
 

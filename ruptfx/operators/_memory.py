@@ -10,6 +10,7 @@ import ctypes
 from collections.abc import Iterable
 from functools import cached_property
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -90,6 +91,10 @@ class MemorySweep(MatrixFree):
             for place, each in enumerate(self.law.parameters):
                 parameters[:, :, place] = local[each][:, order].reshape(*batches.shape, -1).transpose(0, 2, 1)
         self._arrays = {"size": size, "inverse": inverse, "parameter": parameters}
+        self._memory = _Memory(**{name: array.ctypes.data for name, array in self._arrays.items()})
+        function = ctypes.cast(self._compiled.memory_force, ctypes.c_void_p).value
+        assert function is not None
+        self._function = function
         self._where = np.nonzero(~padding)
         self.cells = batches[self._where]
         self._nodes_of = space.dofmap.list[:, permutation][self.cells]
@@ -102,7 +107,15 @@ class MemorySweep(MatrixFree):
 
     def add_force(self, displacement: np.ndarray, state: np.ndarray, dt: float, force: np.ndarray) -> None:
         """Advance the state by dt, and add the force of the new inelastic stress [N]."""
-        self._compiled.memory_force(*self._start(state), ctypes.c_double(dt), *self._pointers(displacement, force))
+        plan, memory, batches = self._start(state)
+        self._compiled.memory_force(
+            plan, memory, ctypes.c_long(0), batches, ctypes.c_double(dt), *self._pointers(displacement, force)
+        )
+
+    def call(self, state: np.ndarray) -> tuple[int, int, int]:
+        """Return the addresses of the C function that `add_force` calls, of its plan and of its memory."""
+        self._memory.state = state.ctypes.data
+        return self._function, ctypes.addressof(self._plan), ctypes.addressof(self._memory)
 
     def add_inelastic_stress(self, displacement: np.ndarray, state: np.ndarray, sums: np.ndarray) -> None:
         """Add the present inelastic stress times weight and size of elements at their nodes, as `add_stress`."""
@@ -247,10 +260,9 @@ class MemorySweep(MatrixFree):
         self.add_internal_force(displacement, force)
         return 0.0 - 0.5 * float(force @ displacement)
 
-    def _start(self, state: np.ndarray) -> tuple[object, ...]:
-        arrays = self._arrays | {"state": state}
-        memory = _Memory(**{name: array.ctypes.data for name, array in arrays.items()})
-        return ctypes.byref(self._plan), ctypes.byref(memory), ctypes.c_long(self._batches)
+    def _start(self, state: np.ndarray) -> tuple[Any, Any, ctypes.c_long]:
+        self._memory.state = state.ctypes.data
+        return ctypes.byref(self._plan), ctypes.byref(self._memory), ctypes.c_long(self._batches)
 
     def rows(self, state: np.ndarray, numbering: np.ndarray) -> np.ndarray:
         """Return the state of cells, shape (cells, points, fields), points in the order of their node numbers."""

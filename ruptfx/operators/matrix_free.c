@@ -47,6 +47,20 @@ struct plan {
     const int *single, *single_start;  // the others of these nodes
 };
 
+// Elements of a material with memory, whose batches are computed before the elements of the block that touch the same nodes.
+struct memory;
+struct sweep {
+    void (*add_force)(const struct plan *, const struct memory *, long, long, double, const double *, double *);
+    const struct plan *plan;
+    const struct memory *memory;
+    const int *end;  // [blocks]: number of batches that are complete before a block
+};
+struct inelastic {
+    const struct sweep *sweep;
+    long sweeps;
+    double dt, *force, *power;
+};
+
 struct matrix { double even[H + 1][H + 1], odd[H + 1][H + 1]; };
 TABLES
 
@@ -553,27 +567,31 @@ double strain_energy(const struct plan *plan, long batches, const double *displa
 }
 
 // v = decay v + dt f / m, u += dt v, f = 0; with damping of the mass also the sum of m |mean v|^2, which says what was lost;
-// where elements are viscid their share of the force works on the mean v, lost -= f v, and becomes 0; and when measured
-// energy[0] += m v^2 and energy[1] += u f without that share, with the new u and v.
+// and when measured energy[0] += m v^2 and energy[1] += u f of the elastic f, with the new u and v.  The share of the force that is
+// not elastic becomes 0.  That of viscid elements is in f already and works on the mean v, lost -= f v; that of materials with memory
+// is added here, and its power is summed for the old v and for the new one.
+enum { ELASTIC, VISCOUS, INELASTIC };
 struct motion {
     double *displacement, *velocity, *force;
     const double *inverse_mass;
-    double dt, decay, *viscous, *lost;
+    double dt, decay, *share, *lost, *power;
 };
 
-INLINE double advance_node(const int damped, const int viscid, const int measured, const struct motion *motion, long node,
+INLINE double advance_node(const int damped, const int kind, const int measured, const struct motion *motion, long node,
                            double *energy)
 {
     const double inverse_mass = motion->inverse_mass[node], push = motion->dt * inverse_mass;
     double square = 0;
     UNROLL for (long i = node * COMPONENTS; i < (node + 1) * COMPONENTS; i++) {
-        const double old = motion->velocity[i], force = motion->force[i];
+        const double old = motion->velocity[i], share = kind ? motion->share[i] : 0;
+        const double force = kind == INELASTIC ? motion->force[i] + share : motion->force[i];
         const double v = damped ? FUSED(motion->decay, old, push * force) : FUSED(push, force, old);
         if (damped) square += (old + v) * (old + v);
         motion->velocity[i] = v;
         motion->displacement[i] += motion->dt * v;
-        const double share = viscid ? motion->viscous[i] : 0;
-        if (viscid) *motion->lost -= 0.5 * share * (old + v), motion->viscous[i] = 0;
+        if (kind == VISCOUS) *motion->lost -= 0.5 * share * (old + v);
+        if (kind == INELASTIC) motion->power[0] += share * old, motion->power[1] += share * v;
+        if (kind) motion->share[i] = 0;
         if (measured) energy[0] += v * v / inverse_mass, energy[1] += motion->displacement[i] * (force - share);
         motion->force[i] = 0;
     }
@@ -581,8 +599,8 @@ INLINE double advance_node(const int damped, const int viscid, const int measure
 }
 
 // The same for LANES nodes in a row; adds to the sums lane by lane.
-INLINE void advance_row(const int damped, const int viscid, const int measured, const struct motion *motion, long node,
-                        lanes *sum, lanes *lost, lanes *energy)
+INLINE void advance_row(const int damped, const int kind, const int measured, const struct motion *motion, long node,
+                        lanes *sum, lanes *lost, lanes *power, lanes *energy)
 {
     const lanes inverse_mass = *(const loose *)(motion->inverse_mass + node), push = motion->dt * inverse_mass;
     const lanes quarter_mass = damped ? 0.25 / inverse_mass : push;
@@ -591,7 +609,14 @@ INLINE void advance_row(const int damped, const int viscid, const int measured, 
         UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
         const long i = node * COMPONENTS + k * LANES;
         loose *const velocity = (loose *)(motion->velocity + i), *const at = (loose *)(motion->force + i);
-        const lanes old = *velocity, force = *at, pushed = __builtin_shuffle(push, pick);
+        const lanes old = *velocity, pushed = __builtin_shuffle(push, pick);
+        lanes force = *at, share = {0};
+        if (kind) {
+            loose *const given = (loose *)(motion->share + i);
+            share = *given;
+            *given = (lanes){0};
+        }
+        if (kind == INELASTIC) force += share;
         lanes v;
         if (damped) {
             const lanes added = pushed * force;
@@ -602,13 +627,8 @@ INLINE void advance_row(const int damped, const int viscid, const int measured, 
         *velocity = v;
         loose *const displacement = (loose *)(motion->displacement + i);
         *displacement += motion->dt * v;
-        lanes share = {0};
-        if (viscid) {
-            loose *const viscous = (loose *)(motion->viscous + i);
-            share = *viscous;
-            *lost -= 0.5 * share * (old + v);
-            *viscous = (lanes){0};
-        }
+        if (kind == VISCOUS) *lost -= 0.5 * share * (old + v);
+        if (kind == INELASTIC) power[0] += share * old, power[1] += share * v;
         if (measured) {
             energy[0] += v * v / __builtin_shuffle(inverse_mass, pick);
             energy[1] += *displacement * (force - share);
@@ -617,46 +637,59 @@ INLINE void advance_row(const int damped, const int viscid, const int measured, 
     }
 }
 
-INLINE double advance_block(const int damped, const int viscid, const int measured, const struct motion *motion,
+INLINE double advance_block(const int damped, const int kind, const int measured, const struct motion *motion,
                             const struct plan *plan, long block, double *energy)
 {
-    lanes row_sum = {0}, row_lost = {0}, row_energy[2] = {{0}};
+    lanes row_sum = {0}, row_lost = {0}, row_power[2] = {{0}}, row_energy[2] = {{0}};
     double sum = 0;
     for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
-        advance_row(damped, viscid, measured, motion, plan->row[r], &row_sum, &row_lost, row_energy);
+        advance_row(damped, kind, measured, motion, plan->row[r], &row_sum, &row_lost, row_power, row_energy);
     for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
-        sum += advance_node(damped, viscid, measured, motion, plan->single[n], energy);
+        sum += advance_node(damped, kind, measured, motion, plan->single[n], energy);
     if (damped)
         UNROLL for (int l = 0; l < LANES; l++) sum += row_sum[l];
-    if (viscid)
+    if (kind == VISCOUS)
         UNROLL for (int l = 0; l < LANES; l++) *motion->lost += row_lost[l];
+    if (kind == INELASTIC)
+        UNROLL for (int l = 0; l < LANES; l++) motion->power[0] += row_power[0][l], motion->power[1] += row_power[1][l];
     if (measured)
         UNROLL for (int l = 0; l < LANES; l++) energy[0] += row_energy[0][l], energy[1] += row_energy[1][l];
     return sum;
 }
 
-// Elements of some blocks; after each block the nodes that no later element touches move on.  `energy` and `viscous`, the
-// force of Kelvin-Voigt damping of all elements, may be null.
+// Elements of some blocks; after each block the nodes that no later element touches move on.  Null may be `energy`, `viscous`, the
+// force of Kelvin-Voigt damping of all elements, and `inelastic`; not both of the latter are given.
 double step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
-            const double *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost)
+            const double *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost,
+            const struct inelastic *inelastic)
 {
-#define ADVANCE(damped, viscid) \
-    (energy ? advance_block(damped, viscid, 1, &motion, plan, block, energy) \
-            : advance_block(damped, viscid, 0, &motion, plan, block, energy))
-    const struct motion motion = {u, v, force, inverse_mass, dt, decay, viscous, lost};
+#define ADVANCE(damped, kind) \
+    (energy ? advance_block(damped, kind, 1, &motion, plan, block, energy) \
+            : advance_block(damped, kind, 0, &motion, plan, block, energy))
+    const struct motion motion = {
+        u, v, force, inverse_mass, dt, decay, inelastic ? inelastic->force : viscous, lost, inelastic ? inelastic->power : 0,
+    };
     double sum = 0;
     for (long block = first; block < last; block++) {
 #if VISCID
         if (viscous) {
             add_damped_force(plan, plan->block[block], plan->block[block + 1], eta, u, v, force, viscous);
-            sum += decay == 1 ? ADVANCE(0, 1) : ADVANCE(1, 1);
+            sum += decay == 1 ? ADVANCE(0, VISCOUS) : ADVANCE(1, VISCOUS);
             continue;
         }
 #else
         (void)eta;
 #endif
+        for (long k = 0; inelastic && k < inelastic->sweeps; k++) {
+            const struct sweep *const sweep = inelastic->sweep + k;
+            const long begun = block ? sweep->end[block - 1] : 0;
+            sweep->add_force(sweep->plan, sweep->memory, begun, sweep->end[block], inelastic->dt, u, inelastic->force);
+        }
         add_internal_force(plan, plan->block[block], plan->block[block + 1], u, force);
-        sum += decay == 1 ? ADVANCE(0, 0) : ADVANCE(1, 0);
+        if (inelastic)
+            sum += decay == 1 ? ADVANCE(0, INELASTIC) : ADVANCE(1, INELASTIC);
+        else
+            sum += decay == 1 ? ADVANCE(0, ELASTIC) : ADVANCE(1, ELASTIC);
     }
     return sum;
 }

@@ -8,6 +8,7 @@ the node may move on within the same sweep.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from importlib.resources import files
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem
 from ruptfx.codegen import native
 from ruptfx.materials._stiffness import linear_stiffness
-from ruptfx.operators import Bulk, Damped
+from ruptfx.operators import Bulk, Damped, Inelastic, InsertedSweep
 from ruptfx.operators._geometry import AFFINE, BOX, VARYING, geometry_element, is_tensor, numbers, root_of_size
 
 # Nodes computed between updates. Measured: with 2000 the update is slower by half (short contiguous ranges).
@@ -30,6 +31,21 @@ class _Plan(ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in (
         "dof", "kind", "start", "number", "line", "block", "row", "row_start", "single", "single_start",
     )]  # fmt: skip
+
+
+class _Sweep(ctypes.Structure):
+    """`struct sweep` of the C source."""
+
+    _fields_ = [(name, ctypes.c_void_p) for name in ("add_force", "plan", "memory", "end")]
+
+
+class _Inelastic(ctypes.Structure):
+    """`struct inelastic` of the C source."""
+
+    _fields_ = [
+        ("sweep", ctypes.POINTER(_Sweep)), ("sweeps", ctypes.c_long), ("dt", ctypes.c_double),
+        ("force", ctypes.c_void_p), ("power", ctypes.c_void_p),
+    ]  # fmt: skip
 
 
 class MatrixFree:
@@ -61,7 +77,7 @@ class MatrixFree:
         self._plan = _Plan()
         self._keep: dict[str, np.ndarray] = {}
         cells, padding, self._boundary_batches = self._order_cells(bulk, self._library.lanes_per_batch())
-        self._batches = len(cells)
+        self._batches, self.batches = len(cells), cells
         # (batch, node, lane): lanes of one node are neighbours in memory.
         nodes = space.dofmap.list[:, permutation][cells].transpose(0, 2, 1)
         self._hold("dof", np.ascontiguousarray(nodes * np.int32(self._components), dtype=np.int32))
@@ -126,13 +142,15 @@ class MatrixFree:
 
     # -- the fused step --------------------------------------------------------------------------------------------
 
-    def prepare_step(self, by_caller: np.ndarray) -> None:
+    def prepare_step(self, by_caller: np.ndarray, sweeps: Sequence[InsertedSweep] = ()) -> None:
         """Set which nodes `step` leaves to the caller; nodes shared with other ranks always.
 
         Parameters
         ----------
         by_caller : ndarray of bool, shape (nodes,)
             True at nodes left to the caller.
+        sweeps : sequence of InsertedSweep, optional
+            Those of the argument `inelastic` of steps.
         """
         node = self._keep["dof"].reshape(self._batches, self._cell_nodes, -1) // self._components
         size = max(1, self._block_nodes * 4 // (node.shape[1] * node.shape[2]))
@@ -154,10 +172,23 @@ class MatrixFree:
             starts = np.searchsorted(done_in[nodes[which]], np.arange(self._blocks + 1))
             self._hold(f"{name}_start", starts.astype(np.int32))
         self._hold("block", first.astype(np.int32))
+        self._ends = [self._end_in_blocks(first, sweep.batches) for sweep in sweeps]
+
+    def _end_in_blocks(self, first: np.ndarray, batches: np.ndarray) -> np.ndarray:
+        """Return how many batches of a sweep must be complete before each block of elements.
+
+        The nodes of an element move on after its block, so that its batch must not come later.
+        """
+        count = np.diff(first)
+        block_of = np.zeros(self.batches.max() + 1, dtype=np.int32)
+        block_of[self.batches] = np.repeat(np.arange(self._blocks), count)[:, None]
+        latest = np.minimum.accumulate(block_of[batches].min(axis=1)[::-1])[::-1]
+        return np.searchsorted(latest, np.arange(self._blocks), side="right").astype(np.int32)
 
     def step(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
+        inelastic: Inelastic | None = None,
     ) -> float:
         """Add the internal force of all elements and make one leapfrog step of every node not left to the caller.
 
@@ -178,6 +209,8 @@ class MatrixFree:
             acted, are added to it; the latter without that of `damped`.
         damped : Damped, optional
             The elements are, where the operator `damps`.
+        inelastic : Inelastic, optional
+            Its force acts beside that of the elements, and its states advance; not together with `damped`.
 
         Returns
         -------
@@ -185,12 +218,12 @@ class MatrixFree:
             With decay below 1: sum over plain nodes of |(old + new velocity) / 2|^2 / inverse_mass [J], else 0.
         """
         arrays = displacement, velocity, force, inverse_mass
-        rest = dt, decay, energy, damped
-        return self.step_boundary(*arrays, *rest) + self.step_interior(*arrays, *rest)
+        return self._run(0, self._blocks, arrays, dt, decay, energy, damped, inelastic)
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
+        inelastic: Inelastic | None = None,
     ) -> float:
         """Compute the first part of `step`: elements at nodes shared with other ranks.
 
@@ -199,20 +232,22 @@ class MatrixFree:
         if not self._boundary_blocks:
             return 0.0
         arrays = displacement, velocity, force, inverse_mass
-        return self._run(0, self._boundary_blocks, arrays, dt, decay, energy, damped)
+        return self._run(0, self._boundary_blocks, arrays, dt, decay, energy, damped, inelastic)
 
     def step_interior(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
+        inelastic: Inelastic | None = None,
     ) -> float:
         """Compute the remaining part of `step`; it does not access the force of nodes shared with other ranks."""
         arrays = displacement, velocity, force, inverse_mass
-        return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy, damped)
+        return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy, damped, inelastic)
 
     def _run(
         self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float,
-        energy: np.ndarray | None, damped: Damped | None,
+        energy: np.ndarray | None, damped: Damped | None, inelastic: Inelastic | None,
     ) -> float:  # fmt: skip
+        assert damped is None or inelastic is None
         *vectors, inverse_mass = arrays
         return self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*vectors),
@@ -221,7 +256,15 @@ class MatrixFree:
             ctypes.c_double(0.0 if damped is None else damped.eta),
             *([ctypes.c_void_p(None)] * 2 if damped is None else
               [*self._pointers(damped.force), ctypes.c_void_p(damped.lost.ctypes.data)]),
+            None if inelastic is None else ctypes.byref(self._inserted(inelastic)),
         )  # fmt: skip
+
+    def _inserted(self, inelastic: Inelastic) -> _Inelastic:
+        """Return `struct inelastic`; it holds a reference to its array of sweeps."""
+        sweeps = zip(inelastic.sweeps, inelastic.states, self._ends, strict=True)
+        rows = [_Sweep(*sweep.call(state), end.ctypes.data) for sweep, state, end in sweeps]
+        force, power = self._pointers(inelastic.force)[0], inelastic.power.ctypes.data
+        return _Inelastic((_Sweep * len(rows))(*rows), len(rows), inelastic.dt, force, power)
 
     # -- preparation -----------------------------------------------------------------------------------------------
 

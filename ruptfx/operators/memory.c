@@ -65,8 +65,10 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
 {
     const int *dof = plan->dof + b * NODES * LANES;
     struct cell cell = open_cell(geometry, plan->number + plan->start[b] + (plan->kind[b] >= VARYING ? MODULI * NODES : 0));
+    const int *const line = plan->line + (b + 1) * NODES * FETCH;
     lanes u[COMPONENTS][NODES], p[DIM][COMPONENTS][NODES], total = {0};
     KEEP for (int node = 0; node < NODES; node++) {
+        UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(displacement + 8L * line[node * FETCH + k], 0);
         lanes x[COMPONENTS];
         gather(displacement, dof + node * LANES, x);
         UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
@@ -155,6 +157,7 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
             along_all(d > 0, &TRANSPOSED, p[d][c], u[c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);
 #endif
     KEEP for (int node = 0; node < NODES; node++) {
+        UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(sums + 8L * line[node * FETCH + k], 1);
         lanes x[COMPONENTS];
         UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
         scatter_add(sums, dof + node * LANES, x);
@@ -162,7 +165,7 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
     return total;
 }
 
-static inline double memory_sweep(const int what, const struct plan *plan, const struct memory *memory, long batches,
+static inline double memory_sweep(const int what, const struct plan *plan, const struct memory *memory, long first, long last,
                                   double dt, const double *displacement, double *sums)
 {
     lanes total = {0};
@@ -170,7 +173,7 @@ static inline double memory_sweep(const int what, const struct plan *plan, const
     {
         LAW_ONCE
     }
-    for (long b = 0; b < batches; b++)
+    for (long b = first; b < last; b++)
         switch (GEOMETRY(plan->kind[b])) {
 #define MEMORY_CASE(geometry) \
     case geometry: total += memory_batch(geometry, what, plan, memory, b, dt, once, displacement, sums); break;
@@ -185,25 +188,25 @@ static inline double memory_sweep(const int what, const struct plan *plan, const
     return sum;
 }
 
-void memory_force(const struct plan *plan, const struct memory *memory, long batches, double dt, const double *u,
+void memory_force(const struct plan *plan, const struct memory *memory, long first, long last, double dt, const double *u,
                   double *force)
 {
-    memory_sweep(ADVANCED, plan, memory, batches, dt, u, force);
+    memory_sweep(ADVANCED, plan, memory, first, last, dt, u, force);
 }
 
 void memory_stress(const struct plan *plan, const struct memory *memory, long batches, const double *u, double *stress)
 {
-    memory_sweep(PRESENT, plan, memory, batches, 0.0, u, stress);
+    memory_sweep(PRESENT, plan, memory, 0, batches, 0.0, u, stress);
 }
 
 #if RECORDED
 void memory_states(const struct plan *plan, const struct memory *memory, long batches, const double *u, double *states)
 {
-    memory_sweep(STATES, plan, memory, batches, 0.0, u, states);
+    memory_sweep(STATES, plan, memory, 0, batches, 0.0, u, states);
 }
 #endif
 
 double memory_energy(const struct plan *plan, const struct memory *memory, long batches, const double *u)
 {
-    return memory_sweep(ENERGY, plan, memory, batches, 0.0, u, 0);
+    return memory_sweep(ENERGY, plan, memory, 0, batches, 0.0, u, 0);
 }

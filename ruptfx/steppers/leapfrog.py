@@ -107,11 +107,12 @@ class LeapfrogMotion:
         self.mechanisms = mechanisms = mechanisms_of(model)
         stepped = np.any([model.layout.shared, *(each.nodes() for each in mechanisms)], axis=0)
         self._fused = model.operator if isinstance(model.operator, FusedOperator) else None
+        self._damped = next((each.damped for each in mechanisms if each.damped is not None), None)
+        self._inelastic = next((each.inelastic for each in mechanisms if each.inelastic is not None), None)
         if self._fused:
-            self._fused.prepare_step(stepped)
+            self._fused.prepare_step(stepped, () if self._inelastic is None else self._inelastic.sweeps)
         else:
             stepped[:] = True
-        self._damped = next((each.damped for each in mechanisms if each.damped is not None), None)
         self.nodes = SteppedNodes(model, stepped, dt, any(each.rounds_as_kernel for each in mechanisms), self._damped)
         for each in mechanisms:
             each.bind(self.nodes)
@@ -200,13 +201,13 @@ class LeapfrogMotion:
         how = state.displacement, state.velocity, state.force, kick.plain_push, self.dt, kick.plain_keep
         squares = 0.0
         if self._fused:
-            squares += self._fused.step_boundary(*how, energy, self._damped)
+            squares += self._fused.step_boundary(*how, energy, self._damped, self._inelastic)
         else:
             self.model.operator.add_internal_force(state.displacement, state.force)
         self._call(state, kick, self._add_with_elements)
         self.model.force.begin()
         if self._fused:
-            squares += self._fused.step_interior(*how, energy, self._damped)
+            squares += self._fused.step_interior(*how, energy, self._damped, self._inelastic)
             state.energy["damping"] += kick.plain_loss * squares
         self.model.force.end()
 
