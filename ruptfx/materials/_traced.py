@@ -16,6 +16,7 @@ from ruptfx import RuptfxError
 from ruptfx.codegen.tracing import (
     Expression,
     apply,
+    by_reciprocals,
     constant,
     derivative,
     record,
@@ -199,7 +200,7 @@ class TracedMaterial:
         state, parts = list(self.state), self.components
         stress = {f"STRESS({place})": self.inelastic[name] for place, name in enumerate(parts)}
         new = {f"STATE({place})": self.advanced[name] for place, name in enumerate(state)}
-        step, once = uniform_parts(stress | new, self._dt, "o_")  # such as exp(-dt / T)
+        step, once = uniform_parts(by_reciprocals(stress | new), self._dt, "o_")  # such as exp(-dt / T)
         stress = {name: step[name] for name in stress}
         read = " ".join(f"const double s_{name} = STATE({place});" for place, name in enumerate(state))
         read += " ".join(f" const double e_{name} = STRAIN({place});" for place, name in enumerate(parts))
