@@ -16,6 +16,7 @@ from ruptfx import RuptfxError
 from ruptfx.check_law import materials as checks
 from ruptfx.check_law.checks import Broken
 from ruptfx.check_law.examples import tables
+from ruptfx.codegen import native
 from ruptfx.materials import IDENTITY, Material, RecordedState, Tensor
 from ruptfx.materials._tensor import COMPONENTS
 from ruptfx.materials._traced import OF_PLANE, traced
@@ -33,9 +34,11 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import fem
 from ruptfx.case import parse_case
+from ruptfx.mechanisms.memory import Memory
 from ruptfx.model import Model
-from ruptfx.operators import Bulk
+from ruptfx.operators import Bulk, matrix_free
 from ruptfx.operators._memory import MemorySweep
+from ruptfx.operators.matrix_free import MatrixFree
 from ruptfx.platform import parallel
 from ruptfx.record import Record
 from ruptfx.recording.bulk_fields import BulkFields, recorded_states
@@ -257,6 +260,73 @@ def test_one_body_with_memory() -> None:
     assert list(model.memory) == ["upper"]
     work = found.pop("boundary_work")
     assert abs(sum(found.values()) - work) < 1e-10 * work
+
+
+@pytest.mark.parametrize("material", [SLS, DP])
+@pytest.mark.parametrize("layered", [False, True])
+def test_steps_agree_with_an_operator_that_makes_none(
+    material: dict[str, Any], layered: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sweeps in blocks of the bulk kernel and before all elements have the same displacements, states and energies.
+
+    Blocks are so small that nodes move on before most elements are computed.
+    """
+    monkeypatch.setattr(matrix_free, "BLOCK_NODES", 64)
+    bodies = {"materials.default": material} | ({"materials.lower": HOMALITE} if layered else {})
+    found = []
+    for operator in ("matrix_free", "ufl_form"):
+        case = parse_case(plates({
+            "plane": "strain", "boundaries": [PUSH], "operator": operator, "mesh.element_size": 5e-4, **bodies,
+        }))  # fmt: skip
+        model = Model(case)
+        motion, state = case.stepper.bind(model), model.initial_state()
+        for _ in range(60):
+            state.wants_energies = True
+            motion.step(state)
+        memory = next(each for each in motion.mechanisms if isinstance(each, Memory))
+        assert (memory.inelastic is not None) == (operator == "matrix_free")
+        rows = [sweep.rows(state.memory[name], model.layout.numbering) for name, sweep in model.memory.items()]
+        energies = motion.energies(state)
+        found.append([np.array([*energies.values()]), state.displacement, *rows])
+        if operator == "matrix_free":
+            assert isinstance(model.operator, MatrixFree)
+            assert model.operator._blocks > 8
+            assert energies["material_dissipation"] > 0
+    for fused, apart in zip(*found, strict=True):
+        np.testing.assert_allclose(fused, apart, rtol=1e-9, atol=1e-11 * np.abs(apart).max())
+
+
+def test_elastic_bodies_have_the_kernel_without_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The C code of isotropic bodies and all numbers that it reads depend on no other kind of material.
+
+    They are the same beside a material with memory, whose law is in a library of its own, and with moduli given as a
+    profile of equal values.
+    """
+    sources: list[str] = []
+    load = native.load
+
+    def watched(name: str, source: str, *rest: Any) -> Any:
+        if name == "matrix_free":
+            sources.append(source)
+        return load(name, source, *rest)
+
+    monkeypatch.setattr(native, "load", watched)
+    young = HOMALITE["young_modulus"]
+    layers = {"kind": "layers", "boundaries": [0.0], "values": [young, young]}
+    profile = {**HOMALITE, "young_modulus": {"kind": "along_axis", "axis": "y", "profile": layers}}
+    found = []
+    for material in (HOMALITE, DP, profile):
+        sources.clear()
+        operator = Model(parse_case(plates({"plane": "strain", "materials.default": material}))).operator
+        assert isinstance(operator, MatrixFree)
+        found.append((sources[0].replace("#define VARIES 1\n", ""), operator._keep))
+    plain, numbers = found[0]
+    assert "LAW_STEP" not in plain
+    assert "#define ANISOTROPIC 0" in plain
+    for source, others in found[1:]:
+        assert source == plain
+        for name in ("dof", "kind", "start", "number", "line", "block"):
+            np.testing.assert_array_equal(others[name], numbers[name])
 
 
 @pytest.mark.parametrize("material", [SLS, DP])

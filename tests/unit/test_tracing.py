@@ -14,6 +14,7 @@ from ruptfx.codegen.tracing import (
     _RULES,
     _SPELLED,
     apply,
+    by_reciprocals,
     constant,
     derivative,
     symbol,
@@ -241,3 +242,15 @@ def test_parts_of_one_symbol_are_computed_once() -> None:
     split = to_numpy(found, ["x", "y", *parts])(POINTS, 0.3, *at.values())
     for one, other in zip(whole, split, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_quotients_by_numbers_become_products() -> None:
+    outputs = {"a": (X / 3.0 + Y / X) / 1e-320, "b": np.exp(X / 3.0), "c": X / 0.0}
+    found = by_reciprocals(outputs)
+    assert "divide(symbol('x'), constant(3.0))" not in repr(found)
+    assert f"multiply(symbol('x'), constant({1 / 3.0!r}))" in repr(found["b"])
+    assert found["a"].op == found["c"].op == "divide"  # the reciprocal is infinite
+    with np.errstate(all="ignore"):
+        for x, y in ((0.7, -2.0), (-1.3, 5.0)):
+            expected, got = (to_numpy(each, ["x", "y"])(x, y) for each in (outputs, found))
+            np.testing.assert_allclose(got, expected, rtol=1e-15)
