@@ -4,6 +4,7 @@
 //
 // LARGE_ROTATIONS: strains U - 1 of 1 + grad u = R U, in triangles; another number, 1 / sqrt(det J), follows the geometry.
 // AXISYMMETRIC: around the first axis, the second component and coordinate being the radius.
+// MEMORY: some bodies have an inelastic stress, which sweeps of their own compute.
 // VARIES: there are elements in which moduli vary; the kind of their batches is that of the geometry plus VARYING.
 // ANISOTROPIC: the moduli of an element are the rows of its stiffness up to the diagonal; else lambda and the shear modulus.
 //
@@ -680,16 +681,21 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
 #else
         (void)eta;
 #endif
+#if MEMORY
         for (long k = 0; inelastic && k < inelastic->sweeps; k++) {
             const struct sweep *const sweep = inelastic->sweep + k;
             const long begun = block ? sweep->end[block - 1] : 0;
             sweep->add_force(sweep->plan, sweep->memory, begun, sweep->end[block], inelastic->dt, u, inelastic->force);
         }
+#endif
         add_internal_force(plan, plan->block[block], plan->block[block + 1], u, force);
-        if (inelastic)
+#if MEMORY
+        if (inelastic) {
             sum += decay == 1 ? ADVANCE(0, INELASTIC) : ADVANCE(1, INELASTIC);
-        else
-            sum += decay == 1 ? ADVANCE(0, ELASTIC) : ADVANCE(1, ELASTIC);
+            continue;
+        }
+#endif
+        sum += decay == 1 ? ADVANCE(0, ELASTIC) : ADVANCE(1, ELASTIC);
     }
     return sum;
 }

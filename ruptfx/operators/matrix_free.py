@@ -71,8 +71,9 @@ class MatrixFree:
         permutation, constants = _reference_cell(bulk)
         lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
         kernel = files(__package__).joinpath("matrix_free.c").read_text()
-        varies = "#define VARIES 1\n" * (bulk.variation is not None)
-        self._library = native.load("matrix_free", varies + constants + lanes + kernel)
+        extras = "#define VARIES 1\n" * (bulk.variation is not None)
+        extras += "#define MEMORY 1\n" * any(material.has_memory() for material in bulk.materials)
+        self._library = native.load("matrix_free", extras + constants + lanes + kernel)
         self._library.step.restype = self._library.strain_energy.restype = ctypes.c_double
         self._plan = _Plan()
         self._keep: dict[str, np.ndarray] = {}
