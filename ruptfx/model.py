@@ -33,7 +33,8 @@ from ruptfx.operators._geometry import is_tensor
 from ruptfx.operators._memory import MemorySweep
 from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
-from ruptfx.profiles._places import Place, located, positions, shifted
+from ruptfx.profiles._places import Place, located, parts, positions, shifted
+from ruptfx.profiles._rim import Patch
 from ruptfx.schema import CaseError, nearest
 from ruptfx.sliding.interface import build_sliding
 from ruptfx.space import axisymmetry
@@ -233,6 +234,7 @@ class Model(System):
         except CaseError as caught:  # of a profile, at the points of this rank
             error = CaseError(f"faults.{name}{_with_key(fault, str(caught))}")
         parallel.raise_on_all(self.comm, error)
+        self._check_patches(name, face, fault)
         after = self.case.output.rupture_after
         if after is None:
             after = max(first_begun(fault.nucleation)[0], 0.0)
@@ -265,6 +267,28 @@ class Model(System):
                 'were lengths from its left end. Say that they are x: add the line positions = "x" before the first '
                 f"table of the case; and if it was written for 0.1, shift them by {left:g} m: {shifted(given, left)}"
             )
+
+    def _check_patches(self, name: str, face: Interface, fault: FaultCase) -> None:
+        """Refuse patches of a surface in which no point of it lies.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        for key, patch in parts(fault, f"faults.{name}"):
+            if not isinstance(patch, Patch) or face.across is None:
+                continue
+            found = parallel.largest(self.comm, float(patch.share(face.locations).max(initial=0.0)))
+            if found == 0:
+                (first, last), (upper, lower) = patch.strike, patch.dip
+                deepest = parallel.largest(self.comm, float(face.across.max(initial=0.0)))
+                raise CaseError(
+                    f"{key}: no point of the surface is in the {patch.kind()} with strike = {first:g} to {last:g} m "
+                    f"and dip = {upper:g} to {lower:g} m; the points have strike from {face.line.first:g} to "
+                    f"{face.line.last:g} m and dip from 0 to {deepest:g} m: move the patch onto the surface, or reduce "
+                    "mesh.element_size if it is between points"
+                )
 
     def _position_of(self, face: Interface, key: str, place: Place) -> float | np.ndarray:
         """Return the position [m] of the point of an interface that is nearest to a given one; collective."""

@@ -13,6 +13,7 @@ from ruptfx.faults.projection import TracedLaw
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.mechanisms._check_table import Row
+from ruptfx.mechanisms._patch_check import surface_patch_rows
 from ruptfx.mechanisms._plausibility import row_of, slow_records
 from ruptfx.profiles import evaluate
 from ruptfx.profiles._places import distance, patches
@@ -33,8 +34,11 @@ AnyLengths = TypeVar("AnyLengths", Breakdown, RateDependence)
 def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
     """Yield strength, S ratio, process zone and critical lengths of one fault, at its nucleation and weakest place."""
     face, label = fault.interface, f"faults.{fault.name}"
-    spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
-    yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
+    spacing, note = _spacing(face.position), ""
+    if face.across is not None:
+        down = _spacing(face.across)
+        spacing, note = max(spacing, down), f" along strike and {down:.4g} m down dip"
+    yield Row(f"{label}: points", face.total, "", f"largest spacing {_spacing(face.position):.4g} m{note}")
     yield from _position_rows(model, fault)
     rest = _at_rest(fault)
     if any(material.lame(model.case.plane) is None for material in model.materials):
@@ -57,6 +61,11 @@ def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
         same = found.get(row.quantity)
         if same is None or row.value != same.value:
             yield replace(row, quantity=row.quantity.replace(label, f"{label}, weakest place", 1))
+
+
+def _spacing(positions: np.ndarray) -> float:
+    """Return the largest distance between neighbouring positions [m]."""
+    return float(np.max(np.diff(np.sort(positions)), initial=0))
 
 
 @dataclass(frozen=True)
@@ -307,10 +316,12 @@ def _position_rows(model: System, fault: Fault) -> Iterator[Row]:
         note = f"down dip along ({down}), from the upper edge"
         yield Row(f"{label}: dip", _range(face.across.min(), face.across.max()), "m", note)
     for patch in patches(model.placed[fault.name], label):
-        note = "along strike" if patch.over_surface else "a strip across the interface"
+        note = "along strike" if patch.center is not None else "a strip across the interface"
         if face.points.shape[1] == 2:
             note = " to ".join(_coordinates(face, end) for end in patch.ends)
         yield Row(f"{label}: {patch.key.removeprefix(f'{label}.')}, {patch.kind}", _range(*patch.ends), "m", note)
+    if face.across is not None:
+        yield from surface_patch_rows(face, model.placed[fault.name], label)
 
 
 def _range(*ends: float) -> str:

@@ -129,14 +129,14 @@ class Patch:
     kind : str
     ends : list of float
         First and last position [m]; one value for a single position.
-    over_surface : bool
-        True if the center is a point of a surface; else its patch is a strip across it.
+    center : ndarray, shape (2,), or None
+        Center that is a point of a surface; without it the patch is a strip across the surface.
     """
 
     key: str
     kind: str
     ends: list[float]
-    over_surface: bool = False
+    center: np.ndarray | None = None
 
 
 def patches(part: Part, key: str) -> Iterator[Patch]:
@@ -149,10 +149,10 @@ def patches(part: Part, key: str) -> Iterator[Patch]:
             if isinstance(value, list):
                 yield Patch(where, kind, [value[0], value[-1]])
             else:
-                point = np.ndim(value) > 0
+                center = np.asarray(value) if np.ndim(value) else None
                 value = float(np.ravel(value)[0])  # of a point on a surface: along strike
                 reach = found[_Reach][0] if found[_Reach] else 0.0
-                yield Patch(where, kind, [value - reach, value + reach] if reach else [value], point)
+                yield Patch(where, kind, [value - reach, value + reach] if reach else [value], center)
 
 
 def shifted(given: list[tuple[str, list[float]]], shift: float) -> str:

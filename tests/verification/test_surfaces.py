@@ -195,3 +195,63 @@ def test_nothing_ruptures_at_the_surface_before_the_waves_arrive() -> None:
     distance = np.hypot(np.maximum(np.abs(face.position) - 2e-3, 0), np.maximum(4e-3 - face.across, 0))
     assert np.isfinite(arrival[surface]).mean() > 0.3
     assert np.nanmin((arrival - distance / waves)[surface]) > -2 * motion.dt, np.nanmin(arrival[surface])
+
+
+@pytest.mark.parametrize("inside", ["alone", "sum", "product", "friction"])
+@pytest.mark.parametrize("kind", ["rectangle", "ellipse"])
+def test_a_patch_without_a_point_of_the_surface_is_refused(kind: str, inside: str) -> None:
+    """Points of the fault: strike -6 to 6 mm, dip 0 to 7.5 mm; a patch on its edge still has points."""
+    rectangle = {"kind": kind, "inside": 1.4e6, "outside": 1e6, "strike": [-3e-3, 3e-3], "dip": [9e-3, 12e-3]}
+
+    def model(patch: dict[str, Any]) -> Model:
+        around = {"sum": {"terms": [1.0, patch]}, "product": {"factor": 2.0, "value": patch}}
+        profile = {"kind": inside, **around[inside]} if inside in around else patch
+        table = strike_slip()
+        if inside == "friction":
+            table["faults"]["main"]["friction"]["D_c"] = {**profile, "inside": 1e-6, "outside": 2e-6}
+        else:
+            table["faults"]["main"]["initial_stress"]["shear"] = profile
+        return Model(parse_case(table))
+
+    key = {"alone": "shear", "sum": r"shear\.terms\.1", "product": r"shear\.value", "friction": "D_c"}[inside]
+    for patch in (rectangle, {**rectangle, "strike": [20e-3, 30e-3]}, {**rectangle, "dip": [0.1e-3, 0.2e-3]}):
+        with pytest.raises(CaseError, match=facts(rf"{key}: no point of the surface is in the {kind}.*dip from 0 to")):
+            model(patch)
+    model({**rectangle, "dip": [7.4e-3, 12e-3]})
+    model({**rectangle, "dip": [9e-3, 12e-3], "rim": 4e-3})
+
+
+def test_check_warns_of_patches_that_the_mesh_does_not_resolve() -> None:
+    """Elements of 1 mm and order 2 have nodes every 0.5 mm.
+
+    In one direction the weights are 1/3 mm at ends of elements and 2/3 mm in their middles. From -1.2 to 1.2 mm
+    there are 5 nodes with 3 x 1/3 + 2 x 2/3 = 7/3 mm of 2.4 mm; from -3 to 3 mm the ends count half, exactly 6 mm.
+    """
+    from ruptfx.checks.preflight import preflight
+
+    def row(strike: list[float], dip: list[float]) -> Any:
+        shear = {"kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": strike, "dip": dip}
+        rows = preflight(parse_case(strike_slip({"faults.main.initial_stress.shear": shear})))
+        return next(row for row in rows if row.quantity == "faults.main: initial_stress.shear, rectangle")
+
+    good = row([-3e-3, 3e-3], [1e-3, 5e-3])
+    assert (good.value, good.verdict) == ("13 x 9 points", "ok") and "100 % of its area" in good.note
+    close = row([-1.2e-3, 1.2e-3], [1e-3, 5e-3])
+    assert (close.value, close.verdict) == ("5 x 9 points", "ok") and f"{700 / 7.2:.3g} % of its area" in close.note
+    both = row([-1.2e-3, 1.2e-3], [1.8e-3, 4.2e-3])  # 7/3 mm of 2.4 mm in both directions
+    assert both.verdict == "warning" and f"{(700 / 7.2) ** 2 / 100:.3g} % of its area" in both.note
+    narrow = row([-0.25e-3, 0.25e-3], [1e-3, 5e-3])
+    assert (narrow.value, narrow.verdict) == ("1 x 9 points", "warning") and "reduce mesh.element_size" in narrow.note
+
+
+def test_check_counts_the_points_of_a_disc() -> None:
+    """A nucleation around a point of the surface, on nodes every 0.5 mm."""
+    from ruptfx.checks.preflight import preflight
+
+    table = strike_slip({"faults.main.initial_stress.shear": 2.8e6})
+    patch = {"kind": "smooth_patch", "extra": 1e6, "center": {"x": 0.0, "y": 0.0, "z": -4e-3}, "rise": 1e-6}
+    for radius, points, verdict in ((3e-3, "13 x 13 points", "ok"), (0.4e-3, "1 x 1 points", "warning")):
+        table["faults"]["main"]["nucleation"] = [{**patch, "radius": radius}]
+        rows = {row.quantity: row for row in preflight(parse_case(table))}
+        found = rows["faults.main: nucleation.0, disc"]
+        assert (found.value, found.verdict) == (points, verdict), found
