@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import ValidationInfo, field_validator, model_validator
 
+from ruptfx.input.surface_files import with_grid_read
 from ruptfx.profiles import Profile, Value
 from ruptfx.schema import CaseError, Unit
 
@@ -19,22 +20,41 @@ class SurfaceTable(Profile):
         '{ kind = "surface_table", strike = [-1.0, 0.0, 2.0], dip = [-1.0, 1.0], '
         "values = [[0.0, 1.0, 3.0], [2.0, 2.0, 4.0]] }"
     )
-    strike: Annotated[list[Annotated[float, Unit("m")]], Field(min_length=2)]
-    """Positions along strike, increasing."""
-    dip: Annotated[list[Annotated[float, Unit("m")]], Field(min_length=2)]
-    """Positions down dip, increasing."""
-    values: list[list[Value]]
+    strike: list[Annotated[float, Unit("m")]] = []
+    """Positions along strike, at least two, increasing."""
+    dip: list[Annotated[float, Unit("m")]] = []
+    """Positions down dip, at least two, increasing."""
+    values: list[list[Value]] = []
     """A row for each position down dip, with a value for each along strike."""
+    file: str | None = None
+    """CSV or NetCDF file instead of the lists, relative to the case file. A CSV file has the columns strike, dip and
+    value, and a line for each point of the grid; its header may give the units, as in `strike (km), dip (km), stress
+    (MPa)`. A NetCDF file (.nc, .nc4, .h5, .cdf, .netcdf) has a variable with the coordinates `strike` and `dip`, all
+    with attributes `units`. Default are m and the unit of the key. The resolved case contains the numbers."""
+    variable: str | None = None
+    """Name of the variable of a NetCDF file that has several."""
+
+    @classmethod
+    def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
+        return with_grid_read(values, info, unit)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, values: object, info: ValidationInfo) -> object:
+        """Read the file of a table created in Python, without a key."""
+        return with_grid_read(values, info, None)
 
     @field_validator("strike", "dip")
     @classmethod
     def _increasing(cls, positions: list[float]) -> list[float]:
-        if np.any(np.diff(positions) <= 0):
-            raise ValueError("positions must increase")
+        if len(positions) < 2 or np.any(np.diff(positions) <= 0):
+            raise ValueError("positions must increase and be at least two")
         return positions
 
     @model_validator(mode="after")
     def _matching(self) -> SurfaceTable:
+        if self.variable is not None:
+            raise ValueError(f"variable = '{self.variable}': belongs to a file; give file, or remove it")
         if [len(row) for row in self.values] != [len(self.strike)] * len(self.dip):
             raise ValueError(f"values: give {len(self.dip)} rows (dip) of {len(self.strike)} numbers (strike)")
         return self

@@ -55,7 +55,7 @@ NO_NUMBERS = {
     r"attachments\.\w+\.name": "of a group of attachments.h5",
     r"cameras(\..*)?": "films are made from the records",
     r"instruments\.\w+\.fault": "names the interface of several",
-    r"faults\.main\.initial_stress\.normal\.profile\.file": "gives the lists beside it",
+    r"faults\.main\.initial_stress\.(normal\.profile|shear\.terms\.3)\.(file|variable)": "gives the lists beside it",
 }
 """Keys that may leave the numbers as they are, and why."""
 IN_PLANES = {"antiplane": {r"faults\.\w+\.contact\.C_n": "required, and nothing moves along the normal"}}

@@ -1,0 +1,183 @@
+"""Values on a grid of a surface, from CSV and NetCDF files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import ValidationInfo
+
+from ruptfx.input.number_files import factors, is_number, number, text_of
+from ruptfx.input.quantities import factor
+
+NAMES = ("strike", "dip")
+NETCDF = (".nc", ".nc4", ".h5", ".cdf", ".netcdf")
+
+
+class SurfaceGrid(NamedTuple):
+    """Positions along strike and down dip [m], and a row of values for each position down dip."""
+
+    strike: list[float]
+    dip: list[float]
+    values: list[list[float]]
+
+
+def with_grid_read(given: object, info: ValidationInfo, unit: str | None) -> object:
+    """Replace `file` and `variable` in the table of a profile by the grid that the file contains.
+
+    Parameters
+    ----------
+    given : object
+        Table of the profile; without `file` it is returned as it is.
+    info : ValidationInfo
+        Validation context with the directory of the case.
+    unit : str or None
+        Unit of the key that varies.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not isinstance(given, Mapping) or not isinstance(given.get("file"), str):
+        return given
+    if any(given.get(name) for name in SurfaceGrid._fields):
+        raise ValueError("give either a file, or strike, dip and values")
+    path = Path((info.context or {}).get("directory") or ".", given["file"])
+    variable = given.get("variable")
+    if path.suffix.lower() in NETCDF:
+        found = of_netcdf(path, variable if isinstance(variable, str) else None, unit)
+    elif variable is not None:
+        raise ValueError(f"variable = {variable!r}: only NetCDF files ({', '.join(NETCDF)}) have variables; remove it")
+    else:
+        found = of_csv(path, unit)
+    return {**{name: value for name, value in given.items() if name not in ("file", "variable")}, **found._asdict()}
+
+
+def of_csv(path: Path, unit: str | None) -> SurfaceGrid:
+    """Read a CSV file with the columns strike, dip and value, one line for each point of a grid, in any order.
+
+    Lines before the first number and lines that begin with # are skipped, except for the units of the header.
+
+    Raises
+    ------
+    ValueError
+    """
+    above: list[tuple[int, str]] = []
+    rows: list[list[float]] = []
+    lines: list[int] = []
+    scales: list[Fraction | int] = []
+    for line, content in enumerate(text_of(path).splitlines(), 1):
+        words = content.split(";" if ";" in content else ",")
+        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
+            above.append((line, content))
+            continue
+        if len(words) != 3:
+            raise ValueError(f"line {line} of {path}: {len(words)} columns; give three, strike, dip and value")
+        if not rows:
+            _require_order(above, path)
+            scales = [scale or 1 for scale in factors(above, ("m", "m", unit), 3, path)]
+        rows.append([number(word, path, line, scale) for word, scale in zip(words, scales, strict=True)])
+        lines.append(line)
+    return _gridded(np.array(rows).reshape(-1, 3), lines, path)
+
+
+def _require_order(above: list[tuple[int, str]], path: Path) -> None:
+    """Refuse a header that names the positions in another order.
+
+    Raises
+    ------
+    ValueError
+    """
+    for line, content in above:
+        cells = content.lstrip("# ").lower().split(";" if ";" in content else ",")
+        for column, (cell, name) in enumerate(zip(cells, ("dip", "strike"), strict=False), 1):
+            if len(cells) == 3 and cell.strip().strip("\"'").startswith(name):
+                raise ValueError(f"line {line} of {path}: column {column} is {name}; order them as strike, dip, value")
+
+
+def _gridded(rows: np.ndarray, lines: list[int], path: Path) -> SurfaceGrid:
+    """Return the grid of points in any order.
+
+    Raises
+    ------
+    ValueError
+        A point is missing or given twice.
+    """
+    (strike, i), (dip, k) = (np.unique(rows[:, column], return_inverse=True) for column in (0, 1))
+    if len(strike) < 2 or len(dip) < 2:
+        raise ValueError(
+            f"{path}: at least two positions along strike and two down dip are needed, found {len(strike)} and "
+            f"{len(dip)}"
+        )
+    count = np.zeros((len(dip), len(strike)), dtype=int)
+    np.add.at(count, (k, i), 1)
+    if count.max() > 1:
+        seen: set[tuple[int, int]] = set()
+        for line, place in zip(lines, zip(k.tolist(), i.tolist(), strict=True), strict=True):
+            if place in seen:
+                raise ValueError(
+                    f"line {line} of {path}: the point strike = {strike[place[1]]:g} m, dip = {dip[place[0]]:g} m is "
+                    "given twice; remove one of them"
+                )
+            seen.add(place)
+    if count.min() == 0:
+        row, column = np.argwhere(count == 0)[0]
+        raise ValueError(
+            f"{path}: no value at strike = {strike[column]:g} m, dip = {dip[row]:g} m; a grid needs one at all "
+            f"{len(strike)} x {len(dip)} combinations of its positions"
+        )
+    values = np.empty(count.shape)
+    values[k, i] = rows[:, 2]
+    return SurfaceGrid(strike.tolist(), dip.tolist(), values.tolist())
+
+
+def of_netcdf(path: Path, variable: str | None, unit: str | None) -> SurfaceGrid:
+    """Read a variable of a NetCDF file with the coordinates strike and dip, in the units of their attributes `units`.
+
+    Parameters
+    ----------
+    path : Path
+    variable : str or None
+        Its name; None if the file has one only.
+    unit : str or None
+        Unit of the values, also if they have no attribute; coordinates without one are in m.
+
+    Raises
+    ------
+    ValueError
+    """
+    import xarray
+
+    try:
+        with xarray.open_dataset(path, decode_times=False) as data:
+            names = [str(name) for name in data.data_vars]
+            if variable is None and len(names) == 1:
+                variable = names[0]
+            if variable not in names:
+                asked = "give variable" if variable is None else f"no variable '{variable}'; give another one"
+                raise ValueError(f"{path}: {asked}, one of {', '.join(names) or 'none that it has'}")
+            found = data[variable].load()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read as NetCDF ({error}); give a NetCDF or a CSV file") from None
+    if sorted(map(str, found.dims)) != ["dip", "strike"] or any(name not in found.coords for name in NAMES):
+        axes = ", ".join(map(str, found.dims)) or "none"
+        raise ValueError(f"{path}: '{variable}' has the axes {axes}; give it strike and dip, with coordinates")
+    found = found.transpose("dip", "strike").sortby(list(NAMES))
+    numbers = []
+    for what, item, wanted in (*((name, found[name], "m") for name in NAMES), (variable, found, unit)):
+        given = str(item.attrs.get("units", "")).strip()
+        try:
+            scale = float(factor(given, wanted)) if given else 1.0
+        except ValueError as error:
+            raise ValueError(f"{path}: '{what}' has units = '{given}': {error}") from None
+        numbers.append(scale * np.asarray(item.values, dtype=float))
+    strike, dip, values = numbers
+    for name, positions in zip(NAMES, (strike, dip), strict=True):
+        if len(positions) < 2 or not np.all(np.diff(positions) > 0):
+            raise ValueError(f"{path}: {name} needs two positions or more, each given once")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{path}: '{variable}' has values that are missing or not finite; fill them")
+    return SurfaceGrid(strike.tolist(), dip.tolist(), values.tolist())
