@@ -61,8 +61,7 @@ def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
     """
     cell = cell.strip().strip("\"'").strip()
     if found := _BRACKETED.fullmatch(cell):
-        text = found[2].strip()
-        return found[1], factor("1" if text in ("", "-") else text, unit)
+        return found[1], factor(_symbol_of(found[2]), unit)
     # Without brackets a word may be part of the name: it is a unit if it is one of the right kind.
     *words, last = cell.split() or [""]
     likely = [("", cell), (" ".join(words), last)]
@@ -78,6 +77,11 @@ def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
     if found := _SLASHED.fullmatch(cell):
         return found[1], factor(found[2], unit)
     return cell, None
+
+
+def _symbol_of(bracketed: str) -> str:
+    """Return the unit in the brackets of a header; empty ones and a dash are a number without unit."""
+    return bracketed.strip() if bracketed.strip() not in ("", "-") else "1"
 
 
 def _factor_or_none(text: str, unit: str | None) -> Fraction | None:
@@ -157,7 +161,7 @@ def _name_and_factor(cell: str, unit: str | None, where: str) -> tuple[str, Frac
     try:
         return name_and_factor(cell, unit)
     except ValueError as error:
-        wanted = f"({unit}) or a multiple" if unit else "(m)"
+        wanted = f"({unit}) or a multiple" if unit else "for example (m)"
         raise ValueError(
             f"{where}, {cell.strip()!r}: {error}; write the unit in brackets behind the name, {wanted}"
         ) from None
@@ -218,28 +222,41 @@ def text_of(path: Path) -> str:
         raise ValueError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
 
-def with_units(path: Path) -> dict[str, tuple[list[float], str]]:
+def with_units(path: Path, first: str | None = None, others: str | None = None) -> dict[str, tuple[list[float], str]]:
     """Return all columns of a CSV file with the units of its header, by name.
+
+    Parameters
+    ----------
+    path : Path
+    first, others : str, optional
+        Unit of which those of the first column and of all others must be multiples; None accepts every known unit.
 
     Raises
     ------
     ValueError
-        The header has no unit for a column, a name is given twice, or lines have other numbers of columns.
+        The header has no unit for a column, or an unknown one, or one of another kind; a name is given twice, or lines
+        have other numbers of columns.
     """
-    lines = [line for line in text_of(path).splitlines() if line.strip()]
-    first = next((i for i, line in enumerate(lines) if is_number(_words(line)[0])), None)
-    if first is None or first == 0:
+    lines = [(i, line) for i, line in enumerate(text_of(path).splitlines(), 1) if line.strip()]
+    start = next((i for i, (_, line) in enumerate(lines) if is_number(_words(line)[0])), None)
+    if start is None or start == 0:
         raise ValueError(f"{path}: a header with the unit of every column and lines with numbers are needed")
-    header = [_BRACKETED.fullmatch(cell) for cell in _words(lines[first - 1].lstrip("# "))]
-    if any(cell is None for cell in header):
-        raise ValueError(f"{path}: each column needs a unit in the header: time (us), slip_rate (m/s)")
-    named = [(cell[1].strip(), cell[2].strip()) for cell in header if cell is not None]
+    named: list[tuple[str, str]] = []
+    above, header = lines[start - 1]
+    for column, cell in enumerate(_words(header.lstrip("# "))):
+        where = f"line {above} of {path}, column {column + 1}"
+        found = _BRACKETED.fullmatch(cell)
+        if found is None:
+            raise ValueError(f"{where}, {cell!r}: has no unit; write it in brackets behind the name, as time (us)")
+        _name_and_factor(cell, others if column else first, where)
+        named.append((found[1].strip(), _symbol_of(found[2])))
     if len(dict(named)) < len(named):
         raise ValueError(f"{path}: two columns have the same name; rename one of them")
-    rows = [[number(word, path, i) for word in _words(line)] for i, line in enumerate(lines[first:], first + 1)]
-    if any(len(row) != len(named) for row in rows):
-        raise ValueError(f"{path}: {len(named)} columns have names, so every line needs as many numbers")
-    return {name: (list(column), unit) for (name, unit), column in zip(named, zip(*rows, strict=True), strict=True)}
+    rows = [(line, [number(word, path, line) for word in _words(text)]) for line, text in lines[start:]]
+    if wrong := next((line for line, row in rows if len(row) != len(named)), None):
+        raise ValueError(f"line {wrong} of {path}: {len(named)} columns have names; every line needs as many numbers")
+    columns = zip(*(row for _, row in rows), strict=True)
+    return {name: (list(column), unit) for (name, unit), column in zip(named, columns, strict=True)}
 
 
 def _words(line: str) -> list[str]:

@@ -13,6 +13,7 @@ from ruptfx.input import number_files
 from ruptfx.input.quantities import factor
 from ruptfx.instruments import Channel
 from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
+from ruptfx.misfits._netcdf import unit_and_factor
 from ruptfx.schema import CaseError, Unit
 from ruptfx.units import Duration, Length
 
@@ -124,7 +125,7 @@ class DisplacementField(Misfit):
 
 
 def _from_text(path: Path, every: int) -> dict[str, list[float]]:
-    columns = number_files.with_units(path)
+    columns = number_files.with_units(path, "m", "m")
     wanted = ("x", "y", "displacement_x", "displacement_y")
     if not {"x", "y"} < columns.keys() or not columns.keys() <= set(wanted):
         raise ValueError(f"{path}: columns {', '.join(columns)}; needed are x, y, displacement_x, displacement_y")
@@ -144,7 +145,7 @@ def _from_grid(path: Path, every: int) -> dict[str, list[float]]:
                 unit = str(file[name].attrs.get("units", ""))
                 if unit in ("", "pixel"):
                     raise ValueError(f"{path}: '{name}' is in pixels or has no unit; use `ruptfx dic --pixel`")
-                read[name] = file[name][...].astype(float) * float(factor(unit, "m"))
+                read[name] = file[name][...].astype(float) * unit_and_factor(path, name, file[name].attrs, "m")[1]
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error})") from None
     x, y = np.meshgrid(read["x"][::every], read["y"][::every])

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
 from ruptfx.input.quantities import factor
 from ruptfx.instruments import Instrument
 from ruptfx.instruments._filter import filtered
 from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
+from ruptfx.misfits._netcdf import unit_and_factor
 from ruptfx.schema import CaseError, Name, Unit, nearest
-from ruptfx.units import Duration, Frequency, Positive, Time
+from ruptfx.units import Duration, Frequency, Instant, Positive
 
 if TYPE_CHECKING:
     from ruptfx.instruments._readings import ModelReadings
@@ -28,7 +30,8 @@ class Traces(Misfit):
     Columns of a CSV file are the time and channels of the instrument, each with its unit in the header:
     `time (us), slip_rate (m/s)`. Another file is NetCDF, of which the group of the instrument is read, as
     `instruments.h5` of a run has one, or the variables of the file, if it has no groups; `time` and every channel have
-    an attribute `units`. A case contains the data, not the file.
+    an attribute `units`. A case contains the data, not the file. Data before the start of the run or after its end are
+    refused; `begin` and `end` leave them out.
     """
 
     example: ClassVar[str] = (
@@ -52,8 +55,8 @@ class Traces(Misfit):
     """Channels that count; default is all of the data."""
     sigma: Positive
     """Standard deviation of the noise, in the SI unit of the channels."""
-    begin: Time = 0.0
-    """Start of the window of times that count [s]."""
+    begin: Instant | None = None
+    """Start of the window of times that count [s]; default is the first time of the data."""
     end: Duration | None = None
     """End of that window [s]; default is the last time of the data."""
     time_shift: Annotated[float, Unit("s")] = 0.0
@@ -63,17 +66,25 @@ class Traces(Misfit):
     """Frequency of half power of a low-pass filter with one pole, which acts on data and readings alike, before the
     window. The instrument then has none. Default: readings have the filter of the instrument, and data none."""
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _read(cls, values: object, info: ValidationInfo) -> object:
+    def _from_file(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
-            return values
+            return handler(values)
         if values.get("data") or values.get("times"):
             raise ValueError("give either a file, or times, data and units")
         path = Path((info.context or {}).get("directory") or ".", values["file"])
         read = _from_run if path.suffix in (".h5", ".nc") else _from_text
         times, data, units = read(path, str(values.get("instrument")))
-        return {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
+        given = {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
+        found = handler(given)
+        found.__dict__["_read_from"] = str(path)
+        return found
+
+    @cached_property
+    def _read_from(self) -> str:
+        """File of the data, for messages; no private attribute, because terms with the same data are equal."""
+        return ""
 
     @model_validator(mode="after")
     def _complete(self) -> Traces:
@@ -96,7 +107,8 @@ class Traces(Misfit):
     @property
     def _inside(self) -> np.ndarray:
         times = np.array(self.times)
-        return (times >= self.begin) & (times <= (np.inf if self.end is None else self.end))
+        begin, end = -np.inf if self.begin is None else self.begin, np.inf if self.end is None else self.end
+        return (times >= begin) & (times <= end)
 
     def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
         case = bodies.model.case
@@ -107,7 +119,11 @@ class Traces(Misfit):
             raise CaseError(f"{key}.instrument = '{self.instrument}': no such instrument, {hint}")
         times = np.array(self.times)[self._inside]
         if not len(times):
-            raise CaseError(f"{key}.begin = {self.begin:g} s: there are no data in the window; change begin or end")
+            name = "end" if self.begin is None else "begin"
+            raise CaseError(
+                f"{key}.{name} = {getattr(self, name):g} s: there are no data in the window, and they go from "
+                f"{self.times[0]:g} s to {self.times[-1]:g} s; change begin or end"
+            )
         self._check_inside(times, case.duration, key)
         number, instrument = named[self.instrument]
         if self.bandwidth is not None and instrument.bandwidth is not None:
@@ -138,7 +154,10 @@ class Traces(Misfit):
             try:
                 factor(self.units[name], found[name].unit)
             except ValueError as error:
-                raise CaseError(f"{key}.units.{name} = '{self.units[name]}': {error}") from None
+                where = f" (column '{name}' of {self._read_from})" if self._read_from else ""
+                raise CaseError(
+                    f"{key}.units.{name} = '{self.units[name]}'{where}: {error}; write {found[name].unit} or a multiple"
+                ) from None
         if len(units) > 1:
             raise CaseError(
                 f"{key}.sigma: one number for channels in {' and '.join(sorted(units))}; give an entry for the "
@@ -149,13 +168,23 @@ class Traces(Misfit):
 
     def _check_inside(self, times: Floats, duration: float, key: str) -> None:
         shifted = times + self.time_shift
-        if shifted[0] < 0 or shifted[-1] > duration * (1 + 1e-9):
-            shift = f" with time_shift = {self.time_shift:.6g} s" if self.time_shift else ""
-            remedy = f"{'narrow the bounds of the shift, ' if self.time_shift else ''}make the run longer (duration)"
-            raise CaseError(
-                f"{key}.times: data from {shifted[0]:.6g} s to {shifted[-1]:.6g} s{shift}, and the run lasts "
-                f"{duration:.6g} s; {remedy}, or give begin and end"
-            )
+        early, late = np.count_nonzero(shifted < 0), np.count_nonzero(shifted > duration * (1 + 1e-9))
+        if not early and not late:
+            return
+        outside, remedies = [], []
+        if early:
+            outside.append(f"{early} before it")
+            remedies.append(f"leave the early ones out with begin = {0.0 - self.time_shift:.12g}")
+        if late:
+            outside.append(f"{late} after its end")
+            end = duration - self.time_shift
+            remedies.append(f"make the run longer or leave the late ones out with end = {end:.12g}")
+        shift = f" with time_shift = {self.time_shift:.6g} s" if self.time_shift else ""
+        narrower = ", or narrow the bounds of the shift" if self.time_shift else ""
+        raise CaseError(
+            f"{key}.times: data from {shifted[0]:.6g} s to {shifted[-1]:.6g} s{shift}, and the run lasts from 0 s to "
+            f"{duration:.6g} s: {' and '.join(outside)}, of {len(times)} times; {' and '.join(remedies)}{narrower}"
+        )
 
     def change(self, parameter: str, samples: Sequence[Sample]) -> list[Floats]:
         return [np.zeros(len(sample.values)) if sample.slopes is None else sample.slopes for sample in samples]
@@ -189,7 +218,7 @@ class Traces(Misfit):
 
 
 def _from_text(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
-    columns = number_files.with_units(path)
+    columns = number_files.with_units(path, "s")
     (_, (times, unit)), *rest = columns.items()
     seconds = (np.array(times) * float(factor(unit, "s"))).tolist()
     return seconds, {name: column for name, (column, _) in rest}, {name: unit for name, (_, unit) in rest}
@@ -206,12 +235,9 @@ def _from_run(path: Path, instrument: str) -> tuple[list[float], dict[str, list[
             names = [name for name in group.variables if name != "time" and group[name].dimensions == ("time",)]
             if "time" not in group.variables or not names:
                 raise ValueError(f"{path}: needs a variable 'time' and channels with the dimension 'time'")
-            for name in ("time", *names):
-                if "units" not in group[name].attrs:
-                    raise ValueError(f"{path}: '{name}' has no unit; give it an attribute units")
+            _, seconds = unit_and_factor(path, "time", group["time"].attrs, "s")
+            units = {name: unit_and_factor(path, name, group[name].attrs, None)[0] for name in names}
             data = {name: group[name][:].astype(float).tolist() for name in names}
-            units = {name: str(group[name].attrs["units"]) for name in names}
-            seconds = float(factor(str(group["time"].attrs["units"]), "s"))
             return (seconds * group["time"][:].astype(float)).tolist(), data, units
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error})") from None

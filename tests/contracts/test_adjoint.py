@@ -301,8 +301,13 @@ def test_data_are_read_from_files_with_units(tmp_path: Path) -> None:
     assert found.value == pytest.approx(0.5 * np.sum((reading - [0.5e-6, 1.5e-6]) ** 2) / 1e-12)
     assert parse_case(made.table()).objective == made.objective  # the data are in the case
     (tmp_path / "data.csv").write_text("time,slip\n1,0.5\n2,1.5\n")
-    with pytest.raises(CaseError, match=facts(r"objective\.0.*needs a unit in the header")):
+    with pytest.raises(CaseError, match=facts(r"objective\.0: line 1 of .*data\.csv, column 1, 'time': has no unit")):
         parse_case(table, tmp_path)
+    (tmp_path / "data.csv").write_text("time (us),slip (kg)\n1,0.5\n2,1.5\n")
+    other = parse_case(table, tmp_path)
+    message = r"objective\.0\.units\.slip = 'kg' .*'slip' of .*data\.csv.* in m .*; write m or"
+    with pytest.raises(CaseError, match=facts(message)):
+        Objective(other, other.objective)
 
 
 FAULT = {"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 16e-3}
@@ -321,6 +326,28 @@ def test_data_outside_of_their_window_do_not_count(window: dict[str, float], kep
     sample = found.samples[0][1]
     assert sample.at == pytest.approx([times[i] for i in kept], rel=1e-15)
     assert found.value == pytest.approx(0.5 * np.sum((sample.values - [slips[i] for i in kept]) ** 2) / 1e-12)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.5e-6])
+def test_data_outside_of_the_run_are_refused_with_their_number(shift: float) -> None:
+    times = [-2e-6, -1e-6, 1e-6, 3e-6, 21e-6]
+    term = {**TRACE, "times": times, "data": {"slip": [1.0, 1.0, 0.0, 0.0, 1.0]}, "time_shift": shift}
+
+    def objective(**window: float) -> Objective:
+        case = parse_case(slip_weakening({"instruments": [FAULT], "objective": [{**term, **window}]}))
+        return Objective(case, case.objective)
+
+    duration = parse_case(slip_weakening()).duration
+    assert 4e-6 < duration < 20e-6
+    begin, end = 0.0 - shift, duration - shift
+    message = rf"objective\.0\.times: .* 2 before it and 1 after its end, of 5 .* begin = {begin:g} .* end = {end:.12g}"
+    with pytest.raises(CaseError, match=facts(message)):
+        objective()
+    with pytest.raises(CaseError, match=facts(r"objective\.0\.times: .* 2 before it, of 4 times.* begin = ")):
+        objective(end=end)
+    np.testing.assert_allclose(objective(begin=begin, end=end).samples[0][1].at, np.array([1e-6, 3e-6]) + shift)
+    with pytest.raises(CaseError, match=facts(r"objective\.0\.begin = 1e-05 s: .* from -2e-06 s to 2\.1e-05 s")):
+        objective(begin=1e-5, end=2e-5)
 
 
 @pytest.mark.parametrize("changes, message", [

@@ -127,10 +127,16 @@ def test_data_are_read_from_netcdf_with_units(group: str, tmp_path: Path) -> Non
     assert made.objective[0].times == pytest.approx([3e-6, 5e-6], rel=1e-15)
     value = Objective(made, made.objective, record=False)
     assert value.value == pytest.approx(50 * np.sum((value.samples[0][1].values - [0.1, 0.2]) ** 2))
-    del found["velocity"].attrs["units"]
-    found.to_netcdf(tmp_path / "data.nc", group=group, engine="h5netcdf")
-    with pytest.raises(CaseError, match=facts("'velocity' has no unit")):
-        case_with(term, tmp_path)
+    for name, unit, message in (
+        ("velocity", None, "'velocity' has no unit"),
+        ("velocity", "furlong", r"data\.nc: 'velocity' .* units = 'furlong': .* m, "),
+        ("time", "mm", r"data\.nc: 'time' .* units = 'mm': .* s "),
+    ):
+        wrong = found.copy(deep=True)
+        wrong[name].attrs = {"units": unit} if unit else {}
+        wrong.to_netcdf(tmp_path / "data.nc", group=group, engine="h5netcdf")
+        with pytest.raises(CaseError, match=facts(message)):
+            case_with(term, tmp_path)
 
 
 def field(**keys: Any) -> dict[str, Any]:

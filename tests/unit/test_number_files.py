@@ -13,7 +13,7 @@ from helpers.small_cases import merged, plates
 from ruptfx import RuptfxError
 from ruptfx.analysis.emission import read_catalogue
 from ruptfx.case import parse_case
-from ruptfx.input.number_files import two_columns
+from ruptfx.input.number_files import two_columns, with_units
 from ruptfx.lumped.maxwell_slip.roughness import read_profile
 from ruptfx.lumped.spring_slider.fit import read_trace
 from ruptfx.profiles.table import Table
@@ -74,6 +74,33 @@ def test_other_units_are_refused(tmp_path: Path, header: str, column: int, unit:
     path = written(tmp_path / "v.csv", f"title\n{header}\n60,3\n70,4\n")
     with pytest.raises(ValueError, match=facts(rf"line 2 of .*v\.csv, column {column}, .*\b{unit}\b.*in brackets")):
         two_columns(path, "time", ("s", "m/s"))
+
+
+@pytest.mark.parametrize(
+    "header, facts_of_error",
+    [
+        ("time (fortnight),slip (um)", r"line 3 of .*v\.csv, column 1, 'time \(fortnight\)': .*'fortnight'.*\(s\)"),
+        ("time (mm),slip (um)", r"line 3 of .*v\.csv, column 1, 'time \(mm\)': .* in s .* mm .*\(s\)"),
+        ("time (us),slip (furlong)", r"line 3 of .*v\.csv, column 2, 'slip \(furlong\)': .*'furlong'; .*\(m\)"),
+        ("time (us),slip", r"line 3 of .*v\.csv, column 2, 'slip': has no unit.*\(us\)"),
+    ],
+)
+def test_columns_without_a_known_unit_are_refused(tmp_path: Path, header: str, facts_of_error: str) -> None:
+    path = written(tmp_path / "v.csv", f"title\n\n# {header}\n60,3\n\n70,4\n")
+    with pytest.raises(ValueError, match=facts(facts_of_error)):
+        with_units(path, "s")
+
+
+def test_all_columns_with_their_units(tmp_path: Path) -> None:
+    path = written(tmp_path / "v.csv", "title\n\n# time (us),slip (um),friction (-)\n60,3,0.5\n\n70,4,0.6\n")
+    assert with_units(path, "s") == {
+        "time": ([60.0, 70.0], "us"), "slip": ([3.0, 4.0], "um"), "friction": ([0.5, 0.6], "1")
+    }  # fmt: skip
+    with pytest.raises(ValueError, match=facts(r"line 3 of .*v\.csv, column 3, .* in m .*\(m\)")):
+        with_units(path, "s", "m")
+    written(path, "time (us),slip (um)\n\n60,3\n70,4,5\n")
+    with pytest.raises(ValueError, match=facts(r"line 4 of .*v\.csv: 2 columns")):
+        with_units(path)
 
 
 def test_the_remedy_works(tmp_path: Path) -> None:
