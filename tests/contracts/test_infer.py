@@ -33,7 +33,7 @@ from ruptfx import RuptfxError, fem, infer, simulate
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.unknowns import chosen
 from ruptfx.inference import inversion, posterior, searches
-from ruptfx.inference.evaluations import Evaluation
+from ruptfx.inference.evaluations import Evaluation, load_one
 from ruptfx.inference.result import Result
 from ruptfx.inference.variables import Variable
 from ruptfx.misfits import Unknown
@@ -388,6 +388,41 @@ def test_runs_at_once_are_those_one_after_the_other(method: str, tmp_path: Path)
     same_runs(alone, one)
 
 
+def begun(folder: Path) -> subprocess.Popen[str]:
+    """Start the inference of a folder on two cores."""
+    command = [sys.executable, "-m", "ruptfx", "infer", "case.toml", "--out", "out", "--cores", "2", "--quiet"]
+    environment = {**os.environ, "RUPTFX_TEST": str(folder)}
+    return subprocess.Popen(command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for_runs(folder: Path, count: int) -> None:
+    """Wait until so many runs of the inference of a folder are on disk."""
+    deadline = time.monotonic() + 120
+    while len(list((folder / "out/evaluations").glob("*.npz"))) < count:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def kill(process: subprocess.Popen[str], folder: Path) -> None:
+    """Kill an inference, and wait until all of its processes have ended."""
+    process.kill()
+    process.communicate()
+    deadline = time.monotonic() + 10
+    while any(
+        (each.info["environ"] or {}).get("RUPTFX_TEST") == str(folder) and each.info["status"] != psutil.STATUS_ZOMBIE
+        for each in psutil.process_iter(["environ", "status"])
+    ):
+        assert time.monotonic() < deadline, "runs outlive their inference"
+        time.sleep(0.05)
+
+
+def stop(process: subprocess.Popen[str]) -> None:
+    """Stop an inference as a scheduler of a cluster does."""
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and re.search(r"stopped; \d+ runs are kept, the same command continues", errors)
+
+
 @pytest.mark.slow
 @pytest.mark.faults
 def test_an_inference_on_two_cores_that_is_killed_goes_on(tmp_path: Path) -> None:
@@ -395,44 +430,53 @@ def test_an_inference_on_two_cores_that_is_killed_goes_on(tmp_path: Path) -> Non
     case = at_once("cma_es")
     case.save(tmp_path)
     out, files = tmp_path / "out", tmp_path / "out" / "evaluations"
-    command = [sys.executable, "-m", "ruptfx", "infer", "case.toml", "--out", "out", "--cores", "2", "--quiet"]
-    environment = {**os.environ, "RUPTFX_TEST": str(tmp_path)}
-
-    def begin() -> subprocess.Popen[str]:
-        return subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
-
-    def after(count: int) -> None:
-        deadline = time.monotonic() + 120
-        while len(list(files.glob("*.npz"))) < count:
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
-
-    process = begin()
-    after(3)
-    process.kill()
-    process.communicate()
-    deadline = time.monotonic() + 10
-    while any(
-        (each.info["environ"] or {}).get("RUPTFX_TEST") == str(tmp_path) and each.info["status"] != psutil.STATUS_ZOMBIE
-        for each in psutil.process_iter(["environ", "status"])
-    ):
-        assert time.monotonic() < deadline, "runs outlive their inference"
-        time.sleep(0.05)
+    process = begun(tmp_path)
+    wait_for_runs(tmp_path, 3)
+    kill(process, tmp_path)
     kept = {path: path.stat().st_mtime_ns for path in files.glob("*.npz")}
     assert 3 <= len(kept) < 19
 
-    process = begin()
-    after(len(kept) + 2)
-    process.send_signal(signal.SIGTERM)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130 and re.search(r"stopped; \d+ runs are kept, the same command continues", errors)
+    process = begun(tmp_path)
+    wait_for_runs(tmp_path, len(kept) + 2)
+    stop(process)
 
-    process = begin()
+    process = begun(tmp_path)
     assert process.wait(300) == 0
     assert all(
         path.stat().st_mtime_ns == time_of for path, time_of in kept.items() if path.stem != best_of(out)
     )  # that one has its Jacobian now
     same_runs(infer(case, tmp_path / "alone", progress=False), infer(case, out, progress=False))
+
+
+@pytest.mark.slow
+@pytest.mark.faults
+def test_gauss_newton_on_two_cores_that_is_killed_goes_on(tmp_path: Path) -> None:
+    """Killed and stopped while columns of a Jacobian are computed: the result is that without a kill."""
+    pytest.importorskip("distributed")
+    case = with_unknowns(measured("faults.main.friction.D_c", 0.03), *NUMBERS, method="gauss_newton", iterations=3)
+    case.save(tmp_path)
+    out, files = tmp_path / "out", tmp_path / "out" / "evaluations"
+
+    def jacobians() -> list[int]:
+        """Columns of the Jacobian of every run on disk, 0 while they are computed."""
+        return [load_one(path).jacobian.shape[-1] for path in sorted(files.glob("*.npz"))]
+
+    process = begun(tmp_path)
+    wait_for_runs(tmp_path, 1)
+    kill(process, tmp_path)
+    assert jacobians() == [0]
+    process = begun(tmp_path)
+    wait_for_runs(tmp_path, 2)
+    stop(process)
+    assert jacobians() == [2, 0]
+    first = (files / "0000.npz").stat().st_mtime_ns
+
+    process = begun(tmp_path)
+    assert process.wait(300) == 0
+    assert (files / "0000.npz").stat().st_mtime_ns == first
+    alone = infer(case, tmp_path / "alone", progress=False)
+    assert len(alone.runs) > 2 and alone.runs[1].jacobian.size
+    same_runs(alone, infer(case, out, progress=False))
 
 
 def best_of(out: Path) -> str:
