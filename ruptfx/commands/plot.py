@@ -56,16 +56,16 @@ def plot(
             from ruptfx.study.execute import draw
 
             for path in draw(run, formats=tuple(format_)):
-                screen.print(str(path))
+                _show(path)
             return
         if (run / "result.nc").exists():
             from ruptfx.lumped import redraw
 
             for path in redraw(run, formats=tuple(format_), trust=trust):
-                screen.print(str(path))
+                _show(path)
             return
         from ruptfx import plots
-        from ruptfx.platform.progress import working
+        from ruptfx.platform.progress import in_lines, working
         from ruptfx.record import Files
         from ruptfx.schema import nearest
 
@@ -83,12 +83,22 @@ def plot(
                 f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
                 for word, time in (("from", first), ("to", last)) if time is not None
             )  # fmt: skip
+            later: list[Path] = []  # a spinner would mix with the paths
             with working("drawing the figures"):
-                paths = plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times)
-            for path in paths:
-                screen.print(str(path))
+                plots.save_all(
+                    record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times,
+                    saved=_show if in_lines() else later.append,
+                )  # fmt: skip
+            for path in later:
+                _show(path)
             for name, reason in record.outside.items():
                 errors.print(f"left out: {name}: {reason}", markup=False, highlight=False, soft_wrap=True)
             for omitted in dict.fromkeys(record.omitted):
                 errors.print(f"left out: {omitted}; a plug-in of the run has the law. If you trust it, add --trust",
                              markup=False, highlight=False, soft_wrap=True)  # fmt: skip
+
+
+def _show(path: Path) -> None:
+    """Print the path of a file."""
+    screen.print(str(path), soft_wrap=True)
+    screen.file.flush()

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ruptfx import RuptfxError
+from ruptfx.platform.progress import in_lines
 from ruptfx.results import run_files
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def announce(out: Path) -> None:
 
 
 def draw(out: Path) -> None:
-    """Draw every figure of a complete run into ``figures/``.
+    """Draw every figure of a complete run into ``figures/``; where phases are lines, print a line for each.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def draw(out: Path) -> None:
         from ruptfx.record import Files
 
         with Files(out, trust=True, checks=False) as record:  # trusted: the run of this command
-            drawn = plots.save_all(record)
+            drawn = plots.save_all(record, saved=lambda path: _name(path, in_lines()))
     run_files.add(out, drawn)
 
 
@@ -102,7 +103,8 @@ def _drawn_by_others(out: Path) -> list[Path] | None:
     if process is None:
         return None
     try:
-        answer, _ = process.communicate(json.dumps(["draw", str(out.absolute())]) + "\n")
+        what = "draw in lines" if in_lines() else "draw"
+        answer, _ = process.communicate(json.dumps([what, str(out.absolute())]) + "\n")
     except BaseException:
         # With the processes that it has forked: they would wait for figures of a process that is gone.
         with suppress(ProcessLookupError):
@@ -132,8 +134,8 @@ def main() -> None:
     warm_up()
     for line in sys.stdin:
         what, path = json.loads(line)
-        if what == "draw":
-            json.dump(_answer(Path(path)), answers)
+        if what.startswith("draw"):
+            json.dump(_answer(Path(path), what == "draw in lines"), answers)
             answers.flush()
             break
         with suppress(RuptfxError, OSError), Files(path) as record:
@@ -141,32 +143,39 @@ def main() -> None:
     os._exit(0)  # skips the slow clean-up of imports, because the parent process waits
 
 
-def _answer(out: Path) -> tuple[list[str], str | None]:
+def _answer(out: Path, lines: bool) -> tuple[list[str], str | None]:
     """Draw a run; return the names of its files, and the error message or None."""
     from ruptfx import plots
 
     try:
-        drawn = _together(out, sorted(plots.FIGURES, key=lambda name: name not in LONG))
+        drawn = _together(out, sorted(plots.FIGURES, key=lambda name: name not in LONG), lines)
     except RuptfxError as error:
         return [], str(error)
     return [path.relative_to(out).as_posix() for path in drawn], None
 
 
-def _together(out: Path, names: list[str]) -> list[Path]:
+def _together(out: Path, names: list[str], lines: bool) -> list[Path]:
     """Draw those of the given figures that suit a run, in one process per core."""
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
     # Forked processes share all imports; there are no threads and no open HDF5 files here.
     with ProcessPoolExecutor(min(cores(), MOST), mp_context=get_context("fork")) as pool:
-        submitted = [pool.submit(_draw_one, out, name) for name in names]
+        submitted = [pool.submit(_draw_one, out, name, lines) for name in names]
         return [path for drawn in submitted for path in drawn.result()]
 
 
-def _draw_one(out: Path, name: str) -> list[Path]:
+def _draw_one(out: Path, name: str, lines: bool) -> list[Path]:
     from ruptfx import plots
 
-    return plots.save_all(_record(out), only=[name])
+    return plots.save_all(_record(out), only=[name], saved=lambda path: _name(path, lines))
+
+
+def _name(path: Path, lines: bool) -> None:
+    """Print the name of a figure that is written, so that a pipe is not silent while the others are drawn."""
+    if lines:
+        sys.stderr.write(f"  {path.name}\n")
+        sys.stderr.flush()
 
 
 @cache

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from types import TracebackType
 
 from rich.console import Console
@@ -13,6 +14,13 @@ from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColum
 from rich.progress import Progress as Bar
 
 from ruptfx.platform.terminal import console
+
+_in_lines: ContextVar[bool] = ContextVar("_in_lines", default=False)
+
+
+def in_lines() -> bool:
+    """Return whether the current phase was named by a line, so that its parts are named by lines as well."""
+    return _in_lines.get()
 
 
 @contextmanager
@@ -29,7 +37,11 @@ def working(on: str, show: bool = True) -> Iterator[None]:
     if not (show and screen.is_terminal):
         if show:
             screen.print(on)
-        yield
+        token = _in_lines.set(show)
+        try:
+            yield
+        finally:
+            _in_lines.reset(token)
         return
     columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
     with Bar(*columns, console=screen, transient=True) as spinner:

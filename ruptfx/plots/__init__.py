@@ -9,7 +9,7 @@ or into given axes, and returns the axes; its `suits` says which runs it is draw
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,21 +75,31 @@ def all_figures(
     OutsideError
         A requested figure, or every one, has no data in this part of the run.
     """
+    return dict(_drawn(record, only, times, options))
+
+
+def _drawn(
+    record: Files, only: Sequence[str] | None, times: Sequence[float | None] | None, options: dict[str, Any]
+) -> Iterator[tuple[str, Figure]]:
+    """Yield names and figures, each when it is drawn; see `all_figures`."""
     if times is not None:
         with record.between(*pair("all_figures", "times", times)) as part:
-            return all_figures(part, only, **options)
-    drawn = {}
+            yield from _drawn(part, only, None, options)
+        return
+    count = 0
     for name in only or FIGURES:
         try:
-            if suits(name, record):
-                drawn[name] = figure_of(FIGURES[name](record, **options))
+            figure = figure_of(FIGURES[name](record, **options)) if suits(name, record) else None
         except OutsideError as error:
             if only:
                 raise
             record.outside[name] = str(error)
-    if record.outside and not drawn:
+            continue
+        if figure is not None:
+            count += 1
+            yield name, figure
+    if record.outside and not count:
         raise OutsideError(next(iter(record.outside.values())))
-    return drawn
 
 
 def save_all(
@@ -98,6 +108,7 @@ def save_all(
     formats: Sequence[str] = ("png",),
     only: Sequence[str] | None = None,
     suffix: str = "",
+    saved: Callable[[Path], None] = lambda path: None,
     **options: Any,
 ) -> list[Path]:
     """Draw and save every figure.
@@ -113,6 +124,8 @@ def save_all(
         Names of figures; default is all. Those that do not suit the run are left out.
     suffix : str
         End of the file names before their types.
+    saved : callable
+        Called with the path of every file when it is written.
     **options
         Arguments of the figures, such as ``times``.
 
@@ -130,10 +143,11 @@ def save_all(
     paths = []
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for name, figure in all_figures(record, only, **options).items():
+        for name, figure in _drawn(record, only, options.pop("times", None), options):
             for kind in formats:
                 paths.append(target / f"{name}{suffix}.{kind}")
                 save(figure, paths[-1], kind)
+                saved(paths[-1])
     except (OSError, ValueError) as error:
         raise RuptfxError(f"{target}: figures cannot be saved there: {error}") from None
     return paths

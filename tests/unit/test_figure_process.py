@@ -15,6 +15,7 @@ from helpers import synthetic
 
 from ruptfx import RuptfxError, plots
 from ruptfx.drawing import figure_process
+from ruptfx.platform.progress import working
 from ruptfx.plots import _panels
 from ruptfx.record import Files
 
@@ -134,3 +135,19 @@ def test_nobody_waits_where_it_would_not_pay(monkeypatch: pytest.MonkeyPatch) ->
     process = figure_process._waiting
     figure_process.dismiss()
     assert figure_process._waiting is None and process is not None and process.returncode
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_figures_are_named_where_phases_are_lines(
+    alone: bool, run: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """One line for each when it is written; on a terminal a spinner shows that something is done."""
+    for shown in ("lines", "spinner", "nothing"):
+        if not alone:
+            waiting(monkeypatch)
+        monkeypatch.setenv("RUPTFX_TERMINAL", "1" if shown == "spinner" else "")
+        with working("drawing the figures", shown != "nothing"):
+            figure_process.draw(run)
+        named = re.findall(r"^  (\w+\.png)$", capfd.readouterr().err, re.M)
+        drawn = sorted(path.name for path in (run / "figures").iterdir())
+        assert sorted(named) == (drawn if shown == "lines" else []) and len(drawn) > 3
