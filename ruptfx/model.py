@@ -43,6 +43,8 @@ from ruptfx.space.closest import closest
 from ruptfx.spectrum import highest_frequency
 from ruptfx.state import State
 
+ALONG = 1e-12  # a normal is along an axis if its largest component differs from 1 by less
+
 
 class Model(System):
     """The discrete problem of a case on the ranks of a communicator.
@@ -96,6 +98,7 @@ class Model(System):
         if case.positions is not None and all(line.measure != "x" for line in lines.values()):
             found = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
             raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
+        self.oblique = self._oblique_nodes()
         self.loads = Loads(self, case.boundaries)
         self.attachments = [each.bind(self, f"attachments.{number}") for number, each in enumerate(case.attachments)]
         self.memory = self._memory()
@@ -103,6 +106,17 @@ class Model(System):
         self.mechanisms = mechanisms_of(self)
         self.viscosity = self.viscous_layer()  # as stable steps without it allow
         self.mechanisms = mechanisms_of(self)
+
+    def _oblique_nodes(self) -> np.ndarray:
+        """Return a mask of the nodes of faults whose normal is not along an axis; collective."""
+        marked = np.zeros(self.nodes * self.components)
+        of_nodes = marked.reshape(self.nodes, -1)
+        for fault in self.faults:
+            if self.components > 1 and not fault.slides:
+                normal = fault.interface.frame[:, 0]
+                of_nodes[fault.interface.nodes[np.tile(np.abs(normal).max(axis=1) < 1 - ALONG, 2)]] = 1
+        self.layout.sum_shared(marked)
+        return np.asarray(of_nodes[:, 0] > 0)
 
     def _tied_edges(self) -> dict[str, tuple[str, str]]:
         """Return the edges that boundaries tie, by key of the case."""

@@ -63,6 +63,9 @@ class Loads:
         for action in actions:
             if action.dashpot is not None:
                 self.dashpot += action.dashpot
+        # Contact solves for normal and shear traction one after the other: its nodes need the same inertia along both.
+        of_nodes = self.dashpot.reshape(model.nodes, -1)
+        of_nodes[model.oblique] = of_nodes[model.oblique].mean(axis=1, keepdims=True)
         layout, prescribed = model.layout, self.prescribed
         of_nodes = prescribed.reshape(model.nodes, -1)
         one_only = (of_nodes[layout.kept] != of_nodes[layout.copies]).any(axis=1)

@@ -52,6 +52,8 @@ class Discretisation:
         Of this rank with ghosts, owned by it, of all ranks.
     coordinates : ndarray, shape (nodes, dimensions)
         [m]
+    oblique : ndarray of bool, shape (nodes,)
+        Nodes of interfaces whose normal is not along an axis.
 
     Raises
     ------
@@ -93,6 +95,7 @@ class Discretisation:
             self.variation = Variation(self.space, bodies.names, bodies.cell_body, self.given, plane)
             self.materials = self.variation.references
         self.mass = self._mass()
+        self.oblique = np.zeros(self.nodes, dtype=bool)
 
     def _mass(self) -> np.ndarray:
         """Return the lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""

@@ -59,3 +59,33 @@ def test_rupture_leaves_through_the_edge() -> None:
     assert np.all(rate > 0) and rate.max() < 1.6 * long["slip_rate"][np.abs(far) <= 7e-3].max()
     lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
     assert abs(lost) < 1e-10 * energy["frictional_dissipation"]
+
+
+@pytest.mark.parametrize("kind", ["absorbing", "sponge"])
+def test_budget_closes_where_an_oblique_interface_crosses_the_edge(kind: str) -> None:
+    """Both components have the same dashpot at the crossing: slip causes no normal velocity there."""
+    wide = {"width": 2e-3} if kind == "sponge" else {}
+    sides = [f"{body}.{side}" for body in ("upper", "lower") for side in ("left", "right")]
+    model = Model(parse_case(merged(plates(), {
+        "plane": "strain",
+        "mesh": {"kind": "inclined_plates", "side": 12e-3, "inclination": 0.5, "element_size": 1e-3},
+        "faults.main.contact": SPLIT, "faults.main.friction": WEAKENING,
+        "faults.main.initial_stress": {"normal": 6e6, "shear": 2.4e6},
+        "faults.main.nucleation": {
+            "kind": "overstress",
+            "extra": {"kind": "boxcar", "inside": 1.8e6, "outside": 0.0, "center": 6e-3, "half_width": 1e-3},
+        },
+        "boundaries": [{"kind": kind, "edge": edge, **wide} for edge in sides],
+    })))  # fmt: skip
+    motion, state = model.case.stepper.bind(model), model.initial_state()
+    while state.time < 12e-6:
+        motion.step(state)
+    assert np.isfinite(state.faults["main"]["rupture_time"]).all()
+    energy = model.energies(state)
+    work = energy.pop("boundary_work")
+    assert energy["damping"] > 0.01 * work
+    assert abs(sum(energy.values()) - work) < 1e-12 * work
+    ends = model.faults[0].interface.nodes
+    dashpot = model.loads.dashpot.reshape(-1, 2)
+    np.testing.assert_array_equal(dashpot[ends, 0], dashpot[ends, 1])
+    assert np.any(dashpot[:, 0] != dashpot[:, 1])
