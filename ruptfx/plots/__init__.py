@@ -36,6 +36,11 @@ if TYPE_CHECKING:
     def __getattr__(name: str) -> Draw: ...
 
 
+def __dir__() -> list[str]:
+    """Return the public names, for completion."""
+    return sorted({*__all__, *FIGURES})
+
+
 def suits(name: str, record: Files) -> bool:
     """Return whether a figure is drawn for a run: the data exist and the figure is not empty."""
     try:
@@ -108,7 +113,7 @@ def save_all(
     formats: Sequence[str] = ("png",),
     only: Sequence[str] | None = None,
     suffix: str = "",
-    saved: Callable[[Path], None] = lambda path: None,
+    saved: Callable[[Path], None] | None = None,
     **options: Any,
 ) -> list[Path]:
     """Draw and save every figure.
@@ -124,7 +129,7 @@ def save_all(
         Names of figures; default is all. Those that do not suit the run are left out.
     suffix : str
         End of the file names before their types.
-    saved : callable
+    saved : callable, optional
         Called with the path of every file when it is written.
     **options
         Arguments of the figures, such as ``times``.
@@ -147,7 +152,8 @@ def save_all(
             for kind in formats:
                 paths.append(target / f"{name}{suffix}.{kind}")
                 save(figure, paths[-1], kind)
-                saved(paths[-1])
+                if saved is not None:
+                    saved(paths[-1])
     except (OSError, ValueError) as error:
         raise RuptfxError(f"{target}: figures cannot be saved there: {error}") from None
     return paths

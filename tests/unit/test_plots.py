@@ -589,3 +589,7 @@ def test_maps_of_a_plate_are_stretched_until_their_labels_fit(tmp_path, name):
         assert "Down dip stretched 6.8 times." in remarks(figure)
     with Record(synthetic.write_surface_run(tmp_path / "equal")) as record:
         assert "stretched" not in remarks(plots.figure_of(plots.FIGURES[name](record)))
+
+
+def test_completion_offers_figures_and_no_imports() -> None:
+    assert set(dir(plots)) == {*plots.__all__, *plots.FIGURES}
