@@ -118,6 +118,7 @@ class SteppedNodes:
         parts = ("codegen/lanes.c", "mechanisms/stepped_nodes.c")
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
         self._library = native.load("stepped_nodes", source)
+        self._library.damping_power.restype = ctypes.c_double
 
     def inverse_mass(self, kick: Kick) -> Floats:
         """Return the velocity per impulse of every degree of freedom in contact [1/kg], shape (nodes * components,).
@@ -155,6 +156,35 @@ class SteppedNodes:
             _at(self.velocity_before), _at(state.velocity), _at(state.displacement), _at(state.force), _at(self._work),
         )  # fmt: skip
         return float(self._work[0]), float(self._work[1])
+
+    def clear(self, dofs: Integers, damping: Floats) -> None:
+        """Set damping forces at some degrees of freedom to zero; both arrays of this call are over all nodes."""
+        self._library.clear(ctypes.c_long(len(dofs)), _at(dofs), _at(damping))
+
+    def add_damping(self, dofs: Integers, eta: float, damping: Floats, force: Floats) -> None:
+        """Multiply damping forces at some degrees of freedom by eta, and add them to the force."""
+        self._library.add_damping(
+            ctypes.c_long(len(dofs)), _at(dofs), ctypes.c_double(eta), _at(damping), _at(force)
+        )  # fmt: skip
+
+    def damping_power(
+        self, dofs: Integers, damping: Floats, velocity: Floats, before: Floats, among: Integers
+    ) -> float:  # fmt: skip
+        """Return the power of damping forces at the mean of the velocities before and after the kick [W].
+
+        Parameters
+        ----------
+        dofs : ndarray of int, shape (n,)
+        damping, velocity : ndarray, shape (nodes * components,)
+            [N] and [m/s]
+        before : ndarray
+            Velocity before the kick, such as `velocity_before` [m/s].
+        among : ndarray of int, shape (n,)
+            Indices of the degrees of freedom in `before`.
+        """
+        return float(self._library.damping_power(
+            ctypes.c_long(len(dofs)), _at(dofs), _at(among), _at(damping), _at(before), _at(velocity),
+        ))  # fmt: skip
 
     def _which(self) -> tuple[ctypes.c_long, ctypes.c_void_p | None, ctypes.c_void_p | None]:
         only = self.only

@@ -55,3 +55,36 @@ void drift(long n, const long *which, const long *dof, long specials, const long
     else if (dof) drift_each(n, 0, dof, dt, velocity, displacement, force);
     else drift_each(n, 0, 0, dt, velocity, displacement, force);
 }
+
+// Damping forces of elements at the degrees of freedom `dof`.
+void clear(long n, const long *dof, double *damping)
+{
+    for (long k = 0; k < n; k++)
+        damping[dof[k]] = 0;
+}
+
+// damping = eta damping, and force += damping.
+void add_damping(long n, const long *dof, double eta, double *damping, double *force)
+{
+    for (long k = 0; k < n; k++) {
+        const double acting = eta * damping[dof[k]];
+        damping[dof[k]] = acting;
+        force[dof[k]] += acting;
+    }
+}
+
+// Power of the damping force at the mean of the velocities before and after forces acted, those before at the indices
+// `among`. Summed in blocks, for small rounding errors.
+double damping_power(long n, const long *dof, const long *among, const double *damping, const double *velocity_old,
+                     const double *velocity)
+{
+    double power = 0;
+    for (long first = 0; first < n; first += 256) {
+        const long end = first + 256 < n ? first + 256 : n;
+        double block = 0;
+        for (long k = first; k < end; k++)
+            block += damping[dof[k]] * (0.5 * (velocity_old[among[k]] + velocity[dof[k]]));
+        power += block;
+    }
+    return power;
+}

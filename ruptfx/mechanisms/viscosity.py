@@ -27,7 +27,7 @@ class KelvinVoigt(Mechanism):
         super().__init__(model)
         assert model.viscosity is not None
         self._viscosity, self._force = model.viscosity, np.zeros(len(model.mass))
-        self._before = np.zeros(0)  # velocity before the kick, where elements of its own exert the damping
+        self._before = np.zeros(0)  # velocity before the kick in cracked bodies, not all of whose nodes are kicked
         operator = model.operator
         if self._viscosity.everywhere and isinstance(operator, FusedOperator) and operator.damps:
             self.damped = Damped(self._viscosity.eta, self._force, np.zeros(1))
@@ -45,7 +45,7 @@ class KelvinVoigt(Mechanism):
         self._dofs: NDArray[np.int64] = stepped.dofs if self.damped is not None else viscous
         every = len(self._dofs) == len(self._force)
         self._here: NDArray[np.int64] | slice = slice(None) if every else self._dofs
-        places = stepped.among(self._dofs)
+        self._places = places = stepped.among(self._dofs)
         self._among: NDArray[np.int64] | slice = slice(None) if len(places) == len(stepped.dofs) else places
 
     def add_first(self, state: State, kick: Kick) -> None:
@@ -58,12 +58,12 @@ class KelvinVoigt(Mechanism):
             self._add(state)
 
     def _add(self, state: State) -> None:
-        force, here = self._force, self._here
-        self._before = state.velocity[here].copy()
-        force[here] = 0
+        force = self._force
+        if self._viscosity.everywhere:
+            self._before = state.velocity.copy()
+        self._stepped.clear(self._dofs, force)
         self._viscosity.add_force(state.displacement, state.velocity, force)
-        force[here] *= self._viscosity.eta
-        state.force[here] += force[here]
+        self._stepped.add_damping(self._dofs, self._viscosity.eta, force, state.force)
         if self._viscosity.rotates:
             state.fields[OF_VISCOSITY] = whole = force.copy()
             if not self._viscosity.everywhere:  # elements of other ranks have the same nodes
@@ -75,14 +75,18 @@ class KelvinVoigt(Mechanism):
         return [(self._here, self._force[self._here].copy())]
 
     def account(self, state: State, kick: Kick) -> None:
-        here, before = self._here, self._before
-        if self.damped is not None:
-            only = self._stepped.only
-            here, among = (here, self._among) if only is None else (only, only)
-            before = self._stepped.velocity_before[among]
-        lost = -float(self._force[here] @ (0.5 * (before + state.velocity[here])))
-        if self.damped is not None:
-            lost += float(self.damped.lost[0])
-            self.damped.lost[:] = 0
-            self._force[here] = 0
+        if self.damped is None:
+            own = self._viscosity.everywhere
+            power = self._stepped.damping_power(
+                self._dofs, self._force, state.velocity, self._before if own else self._stepped.velocity_before,
+                self._dofs if own else self._places,
+            )  # fmt: skip
+            state.energy["damping"] -= power * kick.clock.kick
+            return
+        only = self._stepped.only
+        here, among = (self._here, self._among) if only is None else (only, only)
+        before = self._stepped.velocity_before[among]
+        lost = float(self.damped.lost[0]) - float(self._force[here] @ (0.5 * (before + state.velocity[here])))
+        self.damped.lost[:] = 0
+        self._force[here] = 0
         state.energy["damping"] += lost * kick.clock.kick
