@@ -377,7 +377,7 @@ class Model(System):
             Contact that they cannot enforce.
         """
         view = copy.copy(self)
-        view.faults = in_steps(self.faults, way)
+        view.faults = in_steps(self.faults, way, self.cracks is not None and self.cracks.ties_corners)
         view.mechanisms = mechanisms_of(view)
         return view
 

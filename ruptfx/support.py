@@ -190,8 +190,10 @@ def overrides(cls: type, base: type, name: str) -> bool:
     return getattr(cls, name) is not getattr(base, name)
 
 
-def _contact(choices: Choices, wrong: Callable[[str, type[ContactMethod]], bool], reason: str) -> Iterator[Refusal]:
-    """Yield refusals of contact methods, those of one kind together."""
+def _contact(
+    choices: Choices, wrong: Callable[[str, type[ContactMethod]], bool], reason: str, *swap: Keys
+) -> Iterator[Refusal]:
+    """Yield refusals of contact methods, those of one kind together; `swap` are further parts that may change."""
     by_kind: dict[type[ContactMethod], list[str]] = {}
     for name, part in _faults(choices, "contact").items():
         method = cast(type[ContactMethod], part)
@@ -200,12 +202,18 @@ def _contact(choices: Choices, wrong: Callable[[str, type[ContactMethod]], bool]
     for names in by_kind.values():
         keys = tuple(f"faults.{name}.contact" for name in names)
         loose = tuple(f"faults.{name}.sliding" for name in names if f"faults.{name}.sliding" in choices)
-        yield Refusal(keys, reason, swap=(keys, ("stepper",)), drop=(loose,) if loose else ())
+        yield Refusal(keys, reason, swap=(keys, ("stepper",), *swap), drop=(loose,) if loose else ())
 
 
 def _replaced(method: type[ContactMethod]) -> bool:
     """Return whether steps of another kind take another method for the same contact."""
     return overrides(method, ContactMethod, "in_steps")
+
+
+def _alone(method: type[ContactMethod]) -> bool:
+    """Return whether an explicit method cannot be used where neighbouring points depend on each other."""
+    sweeps = method.traction_ends_slip or overrides(method, ContactMethod, "sweeps_to")
+    return method.explicit and not (sweeps or _replaced(method))
 
 
 def _cannot(way: str, name: str, method: type[ContactMethod]) -> bool:
@@ -235,11 +243,8 @@ def _sliding(choices: Choices) -> Iterator[Refusal]:
     if sliding and not stepper.sliding:
         yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
     if "explicit" in stepper.time_schemes:
-        def alone(name: str, method: type[ContactMethod]) -> bool:
-            sweeps = method.traction_ends_slip or overrides(method, ContactMethod, "sweeps_to")
-            return name in sliding and method.explicit and not (sweeps or _replaced(method))
-
-        yield from _contact(choices, alone, "on an interface that slides neighbouring points depend on each other")
+        reason = "on an interface that slides neighbouring points depend on each other"
+        yield from _contact(choices, lambda name, method: name in sliding and _alone(method), reason)
     for name in sliding:
         if (gap := f"faults.{name}.gap") in choices:
             yield Refusal((gap,), "surfaces that slide have the distance that they have in the mesh", drop=((gap,),))
@@ -295,11 +300,9 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
         yield Refusal(sliding, "with [fracture] interfaces join the facets that they begin with", drop=(sliding,))
     if way is not None and cast(type[Fracture], way).rigid:
         kind = cast(type[Fracture], way).kind()
-        contact = {name: cast(type[ContactMethod], part) for name, part in _faults(choices, "contact").items()}
-        keys = tuple(f"faults.{name}.contact" for name, method in contact.items() if not method.traction_ends_slip)
-        if keys:
-            reason = f"beside facets of fracture.kind = '{kind}' tractions of an interface follow from its displacement"
-            yield Refusal(keys, reason, (keys, ("fracture",)))
+        if "explicit" in stepper.time_schemes:
+            reason = f"beside facets of fracture.kind = '{kind}' neighbouring points depend on each other"
+            yield from _contact(choices, lambda _, method: _alone(method), reason, ("fracture",))
         if large in choices and "collisions" not in choices:
             reason = f"pieces of fracture.kind = '{kind}' that turn far apart meet by collision contact, [collisions]"
             yield Refusal((large,), reason, (("fracture",),), ((large,),))

@@ -106,14 +106,15 @@ class ContactMethod(Alternative):
         """
         return None
 
-    def in_steps(self, way: Way, slides: bool) -> ContactMethod | None:
+    def in_steps(self, way: Way, coupled: bool) -> ContactMethod | None:
         """Return the method that enforces the same contact in steps of one kind, None where there is none.
 
         Parameters
         ----------
         way : str
-        slides : bool
-            Whether neighbouring points depend on each other, because the surfaces slide on meshes that do not match.
+        coupled : bool
+            Whether neighbouring points depend on each other, because the surfaces slide on meshes that do not match, or
+            because facets tie the corners of the cells beside the interface.
         """
         return self if getattr(self, way) else None
 

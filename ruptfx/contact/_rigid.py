@@ -12,15 +12,15 @@ BY_STEPS = {
     ("implicit", False): ("augmented_lagrangian", "AugmentedLagrangian"),
     ("implicit", True): ("augmented_lagrangian", "AugmentedLagrangian"),
 }
-"""Module and class of a rigid method, by the kind of steps and whether the surfaces slide."""
+"""Module and class of a rigid method, by the kind of steps and whether points depend on each other."""
 
 
 class RigidContact(ContactMethod):
     """Rigid method, which steps of another kind replace by their own rigid method with its defaults."""
 
-    def in_steps(self, way: Way, slides: bool) -> ContactMethod:
-        if getattr(self, way) and not (slides and way == "explicit" and self.sweeps_to() is None):
+    def in_steps(self, way: Way, coupled: bool) -> ContactMethod:
+        if getattr(self, way) and not (coupled and way == "explicit" and self.sweeps_to() is None):
             return self
-        module, name = BY_STEPS[way, slides]
+        module, name = BY_STEPS[way, coupled]
         found: ContactMethod = getattr(import_module(f"ruptfx.contact.{module}"), name)()
         return found

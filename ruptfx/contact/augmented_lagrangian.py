@@ -20,7 +20,7 @@ class AugmentedLagrangian(RigidContact):
     sigma = lambda_n - k [u_n], tau = lambda_s + k ([u_s] - slip), and their admissible part is the next lambda,
     until it changes no more: then [u_n] = 0 where the interface is closed and [u_s] = slip everywhere. k speeds up
     this iteration and does not change its result. Explicit steps enforce the same rigid contact by `split_node`, or by
-    `forward_lagrange` on interfaces that slide.
+    `forward_lagrange` on interfaces that slide and beside extrinsic facets.
     Source: Simo and Laursen (1992); Alart and Curnier (1991).
     """
 

@@ -13,12 +13,12 @@ Tolerance = Annotated[float, Field(gt=0, lt=1), Unit("1")]
 
 
 class ForwardLagrange(SplitNode):
-    """Rigid contact for interfaces that slide: the tractions with which the jump is admissible after the step.
+    """Rigid contact of points that depend on each other: tractions with which the jump is admissible after the step.
 
     The trial is that of split nodes, with the stress contained in the velocities in place of the initial one: on an
-    interface that slides, the stress of the last sweep. Sweeps over all points repeat until the tractions
-    converge; a step that does not within `sweeps` continues with the last tractions. Where points are not coupled it
-    is split-node contact. Implicit steps enforce the same rigid contact by `augmented_lagrangian`.
+    interface that slides, and beside extrinsic facets, the stress of the last sweep. Sweeps over all points repeat
+    until the tractions converge; a step that does not within `sweeps` continues with the last tractions. Where points
+    are not coupled it is split-node contact. Implicit steps enforce the same rigid contact by `augmented_lagrangian`.
     Source: Carpenter, Taylor, Katona (1991).
     """
 

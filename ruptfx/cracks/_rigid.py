@@ -58,6 +58,15 @@ class RigidCracks(CrackStep):
         Steps in which the tractions at a vertex of this rank had an error above 1e-6.
     leader : ndarray of int32, shape (nodes,)
         First corner, in the order of the input, of the component of every corner.
+    losses : ndarray, shape (5,)
+        Losses of the step in friction, fracture and contact [J], the largest error of the tractions at a vertex over
+        their size, and that vertex.
+    coupling, coupled : ndarray of int32
+        Vertices that another mechanism updates (`couple`), and those of them with several components.
+    fields_of_ends : list of str
+        Names of the fields that `hold` changes.
+    revision : int
+        Number of times that components have been found.
     """
 
     ties_corners = True
@@ -68,7 +77,7 @@ class RigidCracks(CrackStep):
         mesh = space.mesh
         count = len(self.network.cell_vertices)
         self._dof = np.ascontiguousarray(space.dofmap.list[:count], np.int32)
-        self._states = [*ENDS, *self.law_states]
+        self.fields_of_ends = [*ENDS, *self.law_states]
         self.unconverged = 0
         self._arrays: dict[str, np.ndarray] = {}  # arrays of the structure, which Python must keep alive
         self._c = _Rigid(count, len(self.order))
@@ -160,7 +169,7 @@ class RigidCracks(CrackStep):
             "{" + ", ".join(f"{name}_{number}" for name in names) + "}" for number in range(len(self.groups))
         )
         given = {
-            "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
+            "STATES": ", ".join([f"STATE_{name}" for name in self.fields_of_ends] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1], "PRELOADED": int(self.initial_stress.any()),
             "LARGE_ROTATIONS": int(self.large_rotations),
@@ -177,7 +186,9 @@ class RigidCracks(CrackStep):
         self._keep("number", np.array(numbers))
         self._keep("strength", np.array(strengths))
         self._found = np.zeros(len(self.order) + 1, np.int32)
-        self._taken = np.zeros(5)
+        self.losses = np.zeros(5)
+        self.revision, self._others = 0, np.zeros(len(self._arrays["split"]), dtype=bool)
+        self.coupling = np.zeros(0, np.int32)
         self._pieces = np.zeros(0, np.int32)
         self._waiting = np.zeros(0, np.int32)
         self._mend(np.arange(len(self._arrays["split"]), dtype=np.int32))
@@ -209,7 +220,10 @@ class RigidCracks(CrackStep):
     def _mend(self, vertices: np.ndarray) -> None:
         """Find the components of some patches again."""
         self._library.split(ctypes.byref(self._c), ctypes.c_long(len(vertices)), _at(vertices))
-        self._pieces = np.flatnonzero(self._arrays["split"]).astype(np.int32)
+        split = self._arrays["split"] > 0
+        self._pieces = np.flatnonzero(split & ~self._others).astype(np.int32)
+        self.coupled = np.flatnonzero(split & self._others).astype(np.int32)
+        self.revision += 1
 
     def _vertices_of(self, facets: np.ndarray) -> np.ndarray:
         """Return the vertices of this rank at the ends of facets, each once."""
@@ -236,9 +250,10 @@ class RigidCracks(CrackStep):
         Parameters
         ----------
         acting : ndarray of bool, shape (nodes,)
-            Nodes with loads, whose vertices are left unchanged, as are those with several components.
+            Nodes with loads, whose vertices are left unchanged, as are those with several components and those that
+            `couple` has left to another mechanism.
         """
-        left = self._arrays["split"] > 0
+        left = (self._arrays["split"] > 0) | self._others
         touched = acting & (self._vertex_of >= 0)
         left[self._vertex_of[touched]] = True
         self._arrays["left"][:] = left
@@ -301,7 +316,8 @@ class RigidCracks(CrackStep):
         )  # fmt: skip
 
     def hold(
-        self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray
+        self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray,
+        vertices: np.ndarray | None = None, losses: np.ndarray | None = None,
     ) -> None:
         """Compute the tractions of inserted facets, and the velocity after them.
 
@@ -315,22 +331,49 @@ class RigidCracks(CrackStep):
             Velocity per force of every component [m/s/N].
         before : ndarray, shape (nodes * 2,)
             Velocity before the step [m/s].
+        vertices : ndarray of int32, optional
+            Some of `coupled`; all other vertices with several components without it.
+        losses : ndarray, shape (5,), optional
+            Where to add the losses, in place of `losses` of this object.
         """
-        if not len(self._pieces):
-            self.residual = 0.0
+        vertices = self._pieces if vertices is None else vertices
+        if len(vertices):
+            self._library.hold(
+                ctypes.byref(self._c), ctypes.c_long(len(vertices)), _at(vertices),
+                *map(ctypes.c_double, (dt, kick, since)),
+                *map(_at, (state.displacement, push, before, state.velocity, state.force)),
+                self._ends(state.cracks), _at(self.losses if losses is None else losses),
+            )  # fmt: skip
+
+    def count_losses(self, state: State) -> None:
+        """Count the losses of a step, and find which facets fail; the velocities are final."""
+        cracks, losses = state.cracks, self.losses
+        self._worst = int(losses[4])
+        self.count(state, losses[:4])
+        losses[:] = 0
+        if not (len(self._pieces) or len(self.coupled)):
             return
-        cracks, taken = state.cracks, self._taken
-        taken[:] = 0
-        self._library.hold(
-            ctypes.byref(self._c), ctypes.c_long(len(self._pieces)), _at(self._pieces),
-            ctypes.c_long(len(self._waiting)), _at(self._waiting), *map(ctypes.c_double, (dt, kick, since, state.time)),
-            *map(_at, (state.displacement, push, before, state.velocity, state.force)), self._ends(cracks),
-            self._facets(cracks), _at(taken),
+        self._library.listen(
+            ctypes.byref(self._c), ctypes.c_long(len(self._waiting)), _at(self._waiting), ctypes.c_double(state.time),
+            _at(state.velocity), self._ends(cracks), self._facets(cracks),
         )  # fmt: skip
         if len(self._waiting) and np.isfinite(cracks["time_of_failure"][self._waiting]).any():
             self._wait(cracks)
-        self._worst = int(taken[4])
-        self.count(state, taken[:4])
+
+    def couple(self, nodes: np.ndarray) -> None:
+        """Leave the vertices of some local nodes to another mechanism: `advance` and `hold` do not change them."""
+        self._others[:] = False
+        found = self._vertex_of[nodes]
+        self._others[found[found >= 0]] = True
+        self.coupling = np.flatnonzero(self._others).astype(np.int32)
+        self._mend(self.coupling)
+
+    def ends_at(self, vertices: np.ndarray) -> np.ndarray:
+        """Return the facets that end at some vertices, each once."""
+        start, ends = self._arrays["ends_start"], self._arrays["ends"]
+        chosen = np.zeros(len(start) - 1, dtype=bool)
+        chosen[vertices] = True
+        return np.unique(ends[np.repeat(chosen, np.diff(start))] // 2)
 
     def require_balance(self, time: float) -> None:
         """Refuse tractions with an error above `ALLOWED`, and log some of the steps with one above `CONVERGED`.
@@ -359,7 +402,7 @@ class RigidCracks(CrackStep):
             )  # fmt: skip
 
     def _ends(self, state: FaultState) -> ctypes.Array[ctypes.c_void_p]:
-        return (ctypes.c_void_p * len(self._states))(*(state[name].ctypes.data for name in self._states))
+        return (ctypes.c_void_p * len(self.fields_of_ends))(*(state[name].ctypes.data for name in self.fields_of_ends))
 
     def _facets(self, state: FaultState) -> ctypes.Array[ctypes.c_void_p]:
         return (ctypes.c_void_p * len(FACETS))(*(state[name].ctypes.data for name in FACETS))

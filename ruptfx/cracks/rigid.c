@@ -349,14 +349,19 @@ void insert(const struct rigid *r, long count, const int *list, double time, con
     }
 }
 
-// Tractions of all inserted facets at the displacement, and the velocity after them.
-// vertices: those whose star is in pieces; waiting: facets that have been inserted and have not failed.
-void hold(const struct rigid *r, long count, const int *vertices, long facets, const int *waiting, double dt, double kick,
-          double since, double time, const double *displacement, const double *push, const double *before,
-          double *velocity, double *force, double *const *state, double *const *facet, double *taken)
+// Tractions of inserted facets at the displacement, and the velocity after them, at vertices whose star is in components.
+void hold(const struct rigid *r, long count, const int *vertices, double dt, double kick, double since,
+          const double *displacement, const double *push, const double *before, double *velocity, double *force,
+          double *const *state, double *taken)
 {
     for (long i = 0; i < count; i++)
         vertex(r, vertices[i], dt, kick, since, displacement, push, before, velocity, force, state, taken);
+}
+
+// What facets emit that have been inserted and have not failed, and which of them fail.
+void listen(const struct rigid *r, long facets, const int *waiting, double time, const double *velocity,
+            double *const *state, double *const *facet)
+{
     for (long i = 0; i < facets; i++) {
         const long f = waiting[i];
         const double energy = kinetic(r, f, velocity) - facet[FACET_energy_at_yield][f];

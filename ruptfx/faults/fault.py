@@ -266,8 +266,13 @@ class Fault:
         raise explain(self.friction, int(self.interface.number[point]), where, values | known, least)
 
 
-def in_steps(faults: Iterable[Fault], way: Way) -> list[Fault]:
+def in_steps(faults: Iterable[Fault], way: Way, tied: bool) -> list[Fault]:
     """Return faults with the contact methods for steps of one kind (`ContactMethod.in_steps`).
+
+    Parameters
+    ----------
+    tied : bool
+        Whether facets tie the corners of the cells beside the faults.
 
     Raises
     ------
@@ -276,7 +281,7 @@ def in_steps(faults: Iterable[Fault], way: Way) -> list[Fault]:
     """
     found = []
     for fault in faults:
-        contact = fault.contact.in_steps(way, fault.slides)
+        contact = fault.contact.in_steps(way, fault.slides or tied)
         if contact is None:
             raise CaseError(
                 f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': not for {way} steps; use 'compliant' "

@@ -150,25 +150,41 @@ class FaultStep:
         ProjectionError
             If a point has no admissible traction; `state` and `velocity` are then invalid.
         """
-        given = (state, displacement, velocity, force)
-        if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
-            self._bind(*given)
         fault, since = self.fault, self.clock.since
         if fault.is_loaded:
             load, rate_old = fault.load(time), fault.components(state, "mean_slip_rate") * (since > 0)
             self._code.put("shear_traction_0", fault.shear_traction_0 + load)
-        self._times[-2:] = fault.threshold_at(time, self._threshold), time
         if fault.cohesion is not None:
             self._held = (np.maximum(-state["normal_stress"], 0.0), state["opening"].copy())
+        self._update(state, displacement, velocity, force, time)
+        if fault.is_loaded:
+            self._add_work(state, fault.load(time - since), load, rate_old)
+        return float(self._result[0])
+
+    def _update(
+        self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, time: float
+    ) -> None:
+        """Call the compiled step.
+
+        Raises
+        ------
+        ProjectionError
+            If a point has no admissible traction.
+        """
+        given = (state, displacement, velocity, force)
+        if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
+            self._bind(*given)
+        self._times[-2:] = self.fault.threshold_at(time, self._threshold), time
         self._library.update(*self._pointers)
         if self._result[1] >= 0:
             self._code.fail(state, time, self._result)
-        if fault.is_loaded:
-            rate = fault.components(state, "mean_slip_rate")
-            power = np.asarray(fault.contact.dissipated(fault.load(time - since), load, rate_old, rate))
-            work = float((fault.interface.owned * fault.interface.weight) @ power.sum(axis=1))
-            self.work = work * (since if fault.contact.traction_ends_slip else self.clock.kick)
-        return float(self._result[0])
+
+    def _add_work(self, state: FaultState, load_old: np.ndarray, load: np.ndarray, rate_old: np.ndarray) -> None:
+        """Set `work` to that of the nucleation over the step."""
+        fault, rate = self.fault, self.fault.components(state, "mean_slip_rate")
+        power = np.asarray(fault.contact.dissipated(load_old, load, rate_old, rate))
+        work = float((fault.interface.owned * fault.interface.weight) @ power.sum(axis=1))
+        self.work = work * (self.clock.since if fault.contact.traction_ends_slip else self.clock.kick)
 
 
 def _columns(fault: Fault, inverse_mass: np.ndarray, clock: Clock) -> dict[str, np.ndarray]:

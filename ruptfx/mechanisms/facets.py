@@ -201,6 +201,7 @@ class ExtrinsicFacets(Facets):
         self.model.layout.take_from_owners(state.velocity)
 
     def account(self, state: State, kick: Kick) -> None:
+        self._rigid.count_losses(state)
         self._rigid.require_balance(state.time)
 
     def started(self, state: State, dt: float) -> None:

@@ -29,7 +29,8 @@ class FaultForces(Faults):
 
     @classmethod
     def of(cls, model: System) -> list[Fault]:
-        return [fault for fault in model.faults if not fault.slides and ties_corners(model)]
+        tied = ties_corners(model)
+        return [fault for fault in model.faults if tied and not fault.slides and fault.contact.traction_ends_slip]
 
     def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> FaultStep:
         at_rest = np.zeros_like(inverse_mass)  # the step changes forces, and no velocity

@@ -55,8 +55,8 @@ def run(table: dict[str, Any], comm: fem.MPI.Comm, steps: int) -> tuple[list[np.
 
 @pytest.mark.parametrize("changes, steps", [
     ({}, 500), (SURFACE, 350), (beside_branches("intrinsic", {"kind": "split_node"}), 290),
-    (beside_branches("extrinsic", SOFT), 196),
-], ids=["2D", "3D", "2D, intrinsic facets", "2D, extrinsic facets"])  # fmt: skip
+    (beside_branches("extrinsic", SOFT), 196), (beside_branches("extrinsic", {"kind": "split_node"}), 190),
+], ids=["2D", "3D", "2D, intrinsic facets", "2D, extrinsic facets", "2D, extrinsic facets, rigid contact"])  # fmt: skip
 def test_the_same_as_on_one_rank(changes: dict[str, Any], steps: int) -> None:
     alone, energy = run(branched(changes), fem.MPI.COMM_SELF, steps)
     together, same = run(branched(changes), COMM, steps)

@@ -47,11 +47,11 @@ case_file, alone = run_of(*(
 }), faulted({
     "fracture.default.cohesion": BRITTLE, "mesh.element_size": 0.5e-3, "output.checkpoint_steps": 200,
     "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 0.1}],
-}), faulted({
-    "fracture.kind": "extrinsic", "faults.main.contact": SOFT, "fracture.default.cohesion": BRITTLE,
+}), *(faulted({
+    "fracture.kind": "extrinsic", "faults.main.contact": contact, "fracture.default.cohesion": BRITTLE,
     "mesh.element_size": 0.5e-3, "output.checkpoint_steps": 80, "damping": {"kelvin_voigt": {"fraction": 0.1}},
     "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 0.1}],
-}))  # fmt: skip
+}) for contact in (SOFT, {"kind": "split_node"})))  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
