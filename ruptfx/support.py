@@ -312,7 +312,10 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
     keys = tuple(key for key in choices if key.startswith("attachments."))
     if keys and not stepper.attachments:
-        reason = f"acts on the bodies, and stepper.kind = '{stepper.kind()}' solves for slip alone"
+        reason = (
+            "its forces change with the motion of the bodies, and those of stepper.kind = "
+            f"'{stepper.kind()}' have a constant stiffness (springs that do not fail are the boundary 'spring')"
+        )
         yield Refusal(keys, reason, (("stepper",),), (keys,))
         return
     for key in keys:

@@ -222,8 +222,32 @@ def test_resumed_bitwise_in_implicit_steps(kind: str, stepper: str, shared_tmp_p
 
 @every_attachment
 def test_steps_without_mechanisms_refuse_it(kind: str) -> None:
-    with pytest.raises(CaseError, match=facts(r"attachments\.0\.kind = .*use stepper\.kind = .*'leapfrog'")):
+    with pytest.raises(CaseError, match=facts(r"attachments\.0\.kind = .*'spring'.*use stepper\.kind = .*'leapfrog'")):
         attached(kind, {"stepper": {"kind": "quasi_dynamic"}})
+
+
+def test_a_ground_that_does_not_fail_is_the_boundary_that_quasi_dynamic_steps_take() -> None:
+    """The remedy of their refusal: equal slip in quasi-static equilibrium, to the tolerance of its solver."""
+    ground = {**example("foundation"), "cohesion": {"kind": "linear", "f_t": 1e9, "c": 1e9, "G_Ic": 1e6, "G_IIc": 1e6}}
+    spring = {"kind": "spring", **{name: ground[name] for name in ("edge", "normal", "tangential")}}
+    slow = {
+        "order": 2, "duration": 1.0, "stepper": {"kind": "quasi_static"}, "damping": None,
+        "faults.main.friction": {"kind": "coulomb", "mu_d": 0.6},
+    }  # fmt: skip
+    drive = {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 1e-4}
+    slips = []
+    for found in ({"boundaries": [drive], "attachments": [ground]}, {"boundaries": [drive, spring], "attachments": []}):
+        given = attached("foundation", {**slow, **found})
+        model = Model(given)
+        motion, state = given.stepper.bind(model), model.initial_state()
+        while state.time < given.duration:
+            motion.step(state)
+        slips.append(state.faults["main"]["slip"])
+    assert slips[0].max() > 1e-6
+    np.testing.assert_allclose(slips[0], slips[1], rtol=0, atol=1e-8 * slips[1].max())
+    attached("foundation", {
+        **slow, "stepper": {"kind": "quasi_dynamic"}, "boundaries": [drive, spring], "attachments": [],
+    })  # fmt: skip
 
 
 def test_resonators_need_inertia() -> None:
