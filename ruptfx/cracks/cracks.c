@@ -25,12 +25,13 @@ struct end {
 };
 
 // What it carries at a given damage, and the damage which that would lead to.
-struct answer { double normal, shear, inelastic, largest, slip, cohesive, strength, damage, friction; };
+struct answer { double normal, shear, inelastic, largest, slip, cohesive, strength, damage, friction, left; };
 
 static __attribute__((noinline)) struct answer respond(const struct end *end, const double *number, double damage)
 {
     struct answer at;
     const double left = OF_GROUP(left)(number, damage), tension = TENSILE_STRENGTH * left, k = end->stiffness;
+    at.left = left;
     at.inelastic = 0;
     if (end->open > 0) {
         const double loading = end->open - tension / k;
@@ -63,14 +64,16 @@ static __attribute__((noinline)) struct answer respond(const struct end *end, co
 }
 
 // What it carries at the damage that agrees with the strength it leaves; `worst` grows to the difference that is left.
+// left: what remains of the strength at the damage before.
 static __attribute__((noinline)) struct answer solve_damage(const struct end *end, const double *number, double *damage,
-                                                      double *worst)
+                                                      double *left_before, double *worst)
 {
     struct damage_search search = {.now = end->damage};
     struct answer found;
     double missing;
     do {
         found = respond(end, number, search.now);
+        if (search.calls == 0) *left_before = found.left;
         missing = found.damage - search.now;
     } while (search_damage(&search, missing, 0, 1e-15, 101));
     *damage = search.now;
@@ -110,15 +113,14 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
 #else
     if (normal_stress > 0) end.friction = OF_GROUP(friction)(number, state, l, normal_stress);
 #endif
-    double damage;
-    const struct answer at = solve_damage(&end, number, &damage, taken + 3);
+    double damage, left_before;
+    const struct answer at = solve_damage(&end, number, &damage, &left_before, taken + 3);
     const double before = OLD(normal_traction);
     // Between two tractions their mean works; what is elastic, along the secant too, is stored.
     const double opened = 0.5 * (before + at.normal) * (at.inelastic - end.inelastic);
     const double given_back = 0.5 * (before * end.inelastic * (before > 0) - at.normal * at.inelastic * (at.normal > 0));
     const double slipped = 0.5 * (OLD(shear_traction) + at.shear) * (at.slip - end.slip);
-    const double bond_before = COHESION * OF_GROUP(left)(number, end.damage);
-    const double bond = COHESION * OF_GROUP(left)(number, damage);
+    const double bond_before = COHESION * left_before, bond = COHESION * at.left;
     const double broken = 0.5 * (cohesive_share(bond_before, fabs(OLD(shear_traction))) * OLD(shear_traction)
                                  + cohesive_share(bond, fabs(at.shear)) * at.shear) * (at.slip - end.slip);
     taken[0] += slipped - broken;
