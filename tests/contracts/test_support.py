@@ -21,7 +21,8 @@ from ruptfx.contact import ContactMethod
 from ruptfx.materials import Plane
 from ruptfx.reference.support_table import columns, features, judge
 from ruptfx.schema import Alternative, CaseError, alternatives, set_key
-from ruptfx.support import Change, UnsupportedError, overrides
+from ruptfx.sliding import Sliding
+from ruptfx.support import Change, UnsupportedError, overrides, refusals_of, remedies
 
 pytest.importorskip("dolfinx")
 
@@ -188,6 +189,22 @@ def test_the_table_says_what_cases_are_refused() -> None:
             meeting = f"collisions potential of {kind} facets"
             assert judged(meeting, "stepper", stepper) == accepted[f"{kind}, {stepper}, meeting"]
     assert seen == {True, False}
+
+
+def test_contact_of_single_points_is_refused_where_points_depend_on_each_other() -> None:
+    """A contact method of explicit steps without sweeps, beside extrinsic facets and on an interface that slides."""
+
+    class SinglePoints(ContactMethod):
+        pass
+
+    choices = parse_case(faulted({"fracture.kind": "extrinsic"}), HERE).choices()
+    beside = {**choices, "faults.main.contact": SinglePoints}
+    (refusal,) = refusals_of(beside)
+    assert refusal.keys == ("faults.main.contact",) and "neighbouring points depend on each other" in refusal.reason
+    kinds = {change.kind for (change,) in remedies(beside, [refusal])}
+    assert kinds == {*METHODS, "intrinsic"}
+    sliding = {**{key: cls for key, cls in beside.items() if key != "fracture"}, "faults.main.sliding": Sliding}
+    assert [refusal.keys for refusal in refusals_of(sliding)] == [("faults.main.contact",)]
 
 
 @pytest.mark.parametrize("kind", ATTACHMENTS := alternatives("ruptfx.attachments"))
