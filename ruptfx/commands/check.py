@@ -81,12 +81,24 @@ def listed(names: list[str]) -> str:
 
 def engineering(row: Row) -> tuple[str, str]:
     """Return value and unit of a row as text; times, stresses and lengths with the prefix that suits them."""
+    scaled = row.unit in ("s", "Pa", "m")
     if isinstance(row.value, str):
-        return row.value, row.unit
-    if row.unit not in ("s", "Pa", "m"):
+        span = _SPAN.fullmatch(row.value) if scaled else None
+        return _span(float(span[1]), float(span[2]), row.unit) if span else (row.value, row.unit)
+    if not scaled:
         return f"{row.value:.5g}" if isinstance(row.value, float) else str(row.value), row.unit
     number, _, unit = with_prefix(row.value, row.unit, 4).partition(" ")
     return number, unit
+
+
+_SPAN = re.compile(r"(-?[\d.]+(?:e[-+]?\d+)?) to (-?[\d.]+(?:e[-+]?\d+)?)")
+
+
+def _span(first: float, last: float, unit: str) -> tuple[str, str]:
+    """Return a range in the unit that suits the end farther from zero."""
+    shown = with_prefix(max(first, last, key=abs), unit, 4).partition(" ")[2]
+    size = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}[shown.removesuffix(unit)]
+    return f"{first / size:.4g} to {last / size:.4g}", shown
 
 
 _QUANTITY = re.compile(r"(?<![\w.,(/^-])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) (s|Pa|m)(?![\w/^*])")

@@ -359,6 +359,17 @@ def test_rows_of_check() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("value", "unit", "shown"),
+    [
+        ("0 to 0.14", "m", ("0 to 140", "mm")), ("-15000 to 15000", "m", ("-15 to 15", "km")),
+        ("0 to 0", "m", ("0 to 0", "m")), ("0 to 5", "1", ("0 to 5", "1")), ("1e-06 to 2e-05", "s", ("1 to 20", "us")),
+    ],
+)  # fmt: skip
+def test_check_shows_ranges_with_the_prefix_of_their_larger_end(value: str, unit: str, shown: tuple[str, str]) -> None:
+    assert engineering(Row("position", value, unit)) == shown
+
+
 def test_notes_of_check_have_readable_units() -> None:
     """Numbers with a unit alone, and not those of products, of speeds, or of points."""
     note = "9 steps for 6e-05 s, at x = 0.07 m; over 6.085e+04 Pa at 2 m/s, A = 1e-3 m^2, 72 Pa/m, at (0.001, 0.002) m"
