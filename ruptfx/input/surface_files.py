@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationInfo
 
+from ruptfx.input.netcdf_units import unit_and_factor
 from ruptfx.input.number_files import factors, is_number, number, text_of
-from ruptfx.input.quantities import factor
 
 NAMES = ("strike", "dip")
 NETCDF = (".nc", ".nc4", ".h5", ".cdf", ".netcdf")
@@ -168,11 +168,8 @@ def of_netcdf(path: Path, variable: str | None, unit: str | None) -> SurfaceGrid
     found = found.transpose("dip", "strike").sortby(list(NAMES))
     numbers = []
     for what, item, wanted in (*((name, found[name], "m") for name in NAMES), (variable, found, unit)):
-        given = str(item.attrs.get("units", "")).strip()
-        try:
-            scale = float(factor(given, wanted)) if given else 1.0
-        except ValueError as error:
-            raise ValueError(f"{path}: '{what}' has units = '{given}': {error}") from None
+        has_unit = str(item.attrs.get("units", "")).strip()
+        scale = unit_and_factor(path, what, item.attrs, wanted)[1] if has_unit else 1.0
         numbers.append(scale * np.asarray(item.values, dtype=float))
     strike, dip, values = numbers
     for name, positions in zip(NAMES, (strike, dip), strict=True):

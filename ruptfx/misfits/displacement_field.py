@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
+from ruptfx.input.netcdf_units import unit_and_factor
 from ruptfx.input.quantities import factor
 from ruptfx.instruments import Channel
 from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
-from ruptfx.misfits._netcdf import unit_and_factor
 from ruptfx.schema import CaseError, Unit
 from ruptfx.units import Duration, Length
 

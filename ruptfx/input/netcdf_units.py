@@ -1,4 +1,4 @@
-"""Units of the variables of NetCDF files with data."""
+"""Units of the variables of NetCDF files."""
 
 from __future__ import annotations
 
