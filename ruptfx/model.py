@@ -210,7 +210,9 @@ class Model(System):
             if not material.has_memory() or not only[:owned].any():
                 continue
             try:
-                found[name] = MemorySweep(replace(self.bulk, only=only), material, f"materials.{name}", number)
+                found[name] = MemorySweep(
+                    replace(self.bulk, only=only), material, f"materials.{name}", number, self.layout.shared
+                )
             except RuptfxError as caught:  # the elements of a rank may differ
                 error = caught
         parallel.raise_on_all(self.comm, error)

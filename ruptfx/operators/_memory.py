@@ -45,6 +45,8 @@ class MemorySweep(MatrixFree):
         Of the material in the case, for messages.
     number : int
         Index of the body, where parameters vary.
+    shared : ndarray of bool, optional
+        As of `MatrixFree`; needed if some ranks have no elements of the material.
 
     Attributes
     ----------
@@ -59,8 +61,10 @@ class MemorySweep(MatrixFree):
         Elements with curved edges.
     """
 
-    def __init__(self, bulk: Bulk, material: Material, key: str, number: int = 0) -> None:
-        super().__init__(bulk)
+    def __init__(
+        self, bulk: Bulk, material: Material, key: str, number: int = 0, shared: np.ndarray | None = None
+    ) -> None:
+        super().__init__(bulk, shared)
         self.law = traced(material, bulk.plane)
         self._space = space = bulk.space
         permutation, constants = _reference_cell(bulk)

@@ -54,6 +54,8 @@ class MatrixFree:
     Parameters
     ----------
     bulk : Bulk
+    shared : ndarray of bool, shape (nodes,), optional
+        True for every local node shared with another rank; found by communication if not given.
 
     Raises
     ------
@@ -61,13 +63,13 @@ class MatrixFree:
         If the material or the element is not supported.
     """
 
-    def __init__(self, bulk: Bulk) -> None:
+    def __init__(self, bulk: Bulk, shared: np.ndarray | None = None) -> None:
         space = bulk.space
         _refuse_unknown(bulk)
         index_map = space.dofmap.index_map
         self._components = space.dofmap.index_map_bs
         self._nodes = index_map.size_local + index_map.num_ghosts
-        self._shared = _shared_nodes(index_map)
+        self._shared = _shared_nodes(index_map) if shared is None else shared
         permutation, constants = _reference_cell(bulk)
         lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
         kernel = files(__package__).joinpath("matrix_free.c").read_text()

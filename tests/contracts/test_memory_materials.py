@@ -348,6 +348,23 @@ def test_the_same_on_any_ranks(material: dict[str, Any]) -> None:
         np.testing.assert_allclose(here, alone, rtol=1e-9, atol=1e-11 * np.abs(alone).max())
 
 
+def test_ranks_without_a_body() -> None:
+    """The elements of a material with memory may all be on some of the ranks."""
+    mesh = {"mesh.length": 2e-3, "mesh.height": 12e-3, "mesh.element_size": 5e-4}
+    found = []
+    for comm in (COMM, fem.MPI.COMM_SELF):
+        model = Model(parse_case(plates({
+            "plane": "strain", "boundaries": [PUSH], "materials.default": DP, **mesh,
+        })), comm)  # fmt: skip
+        motion, state = model.case.stepper.bind(model), model.initial_state()
+        for _ in range(20):
+            motion.step(state)
+        found.append(motion.energies(state))
+        if comm.size == 2:
+            assert comm.allreduce(len(model.memory)) < 4
+    assert found[0] == pytest.approx(found[1], rel=1e-9, abs=1e-12)
+
+
 @pytest.mark.parametrize("material", [SLS, DP])
 def test_resumed_bitwise(material: dict[str, Any], shared_tmp_path: Path) -> None:
     given = parse_case(plates({
