@@ -101,6 +101,11 @@ class ModuliChange:
     first: float
     shear: float
 
+    @staticmethod
+    def has_memory() -> bool:
+        """Return False: the points of such a body have no state."""
+        return False
+
     def lame(self, plane: Plane) -> tuple[float, float]:
         """Return the derivatives of Lamé's moduli."""
         return self.first, self.shear
