@@ -95,7 +95,9 @@ def _require_order(above: list[tuple[int, str]], path: Path) -> None:
         cells = content.lstrip("# ").lower().split(";" if ";" in content else ",")
         for column, (cell, name) in enumerate(zip(cells, ("dip", "strike"), strict=False), 1):
             if len(cells) == 3 and cell.strip().strip("\"'").startswith(name):
-                raise ValueError(f"line {line} of {path}: column {column} is {name}; write strike, dip, value in this order")
+                raise ValueError(
+                    f"line {line} of {path}: column {column} is {name}; write strike, dip, value in this order"
+                )
 
 
 def _gridded(rows: np.ndarray, lines: list[int], path: Path) -> SurfaceGrid:
