@@ -65,8 +65,8 @@ class RigidCracks(CrackStep):
         Vertices that another mechanism updates (`couple`), and those of them with several components.
     fields_of_ends : list of str
         Names of the fields that `hold` changes.
-    revision : int
-        Number of times that components have been found.
+    components_changed : bool
+        True once components have been found again, until the mechanism of coupled vertices sets it to False.
     """
 
     ties_corners = True
@@ -187,7 +187,7 @@ class RigidCracks(CrackStep):
         self._keep("strength", np.array(strengths))
         self._found = np.zeros(len(self.order) + 1, np.int32)
         self.losses = np.zeros(5)
-        self.revision, self._others = 0, np.zeros(len(self._arrays["split"]), dtype=bool)
+        self._others = np.zeros(len(self._arrays["split"]), dtype=bool)
         self.coupling = np.zeros(0, np.int32)
         self._pieces = np.zeros(0, np.int32)
         self._waiting = np.zeros(0, np.int32)
@@ -223,7 +223,7 @@ class RigidCracks(CrackStep):
         split = self._arrays["split"] > 0
         self._pieces = np.flatnonzero(split & ~self._others).astype(np.int32)
         self.coupled = np.flatnonzero(split & self._others).astype(np.int32)
-        self.revision += 1
+        self.components_changed = True
 
     def _vertices_of(self, facets: np.ndarray) -> np.ndarray:
         """Return the vertices of this rank at the ends of facets, each once."""

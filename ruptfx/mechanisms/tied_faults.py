@@ -48,7 +48,7 @@ class TiedFaults(FaultForces):
     def __init__(self, model: System) -> None:
         super().__init__(model)
         assert isinstance(model.cracks, RigidCracks)
-        self._rigid, self._revision, self.unconverged = model.cracks, -1, 0
+        self._rigid, self.unconverged = model.cracks, 0
         self._couplings: list[list[CoupledStep]] = []
 
     @classmethod
@@ -67,7 +67,7 @@ class TiedFaults(FaultForces):
         self._tolerance = min(limit[0] for limit in limits if limit)
         self._most = max(limit[1] for limit in limits if limit)
         self._change = np.zeros(count)
-        self._revision = -1
+        self._rigid.components_changed = True
         # A rank may have cells at a vertex of a fault whose points other ranks have.
         at_points = np.zeros((self.model.nodes, 2))
         at_points[np.concatenate([fault.interface.nodes for fault in self.faults])] = 1
@@ -76,9 +76,9 @@ class TiedFaults(FaultForces):
 
     def prepare(self, state: State, kick: Kick) -> None:
         # All ranks together: facets are inserted on all that touch them, but perhaps not on the others.
-        if not parallel.anywhere(self.model.comm, self._revision != self._rigid.revision):
+        if not parallel.anywhere(self.model.comm, self._rigid.components_changed):
             return
-        self._revision = self._rigid.revision
+        self._rigid.components_changed = False
         corners = self._rigid.corners_at(self._rigid.coupling)
         self._dofs = (2 * corners[:, None] + np.arange(2)).ravel()
         weight = np.zeros(len(self._change))
