@@ -49,6 +49,12 @@ def write_json(path: Path, content: Table) -> None:
     temporary.replace(path)
 
 
+def unfinished(path: Path) -> list[Path]:
+    """Return the files that `write_json` left when it was killed before `path` was complete."""
+    start = f".{path.name}."
+    return [each for each in path.parent.glob(f"{start}*") if each.name.removeprefix(start).isdigit()]
+
+
 def listed(run: Path) -> Sums | None:
     """Return names and checksums of the files of a run; None without a list.
 

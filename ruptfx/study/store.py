@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Self
 
 from ruptfx import RuptfxError, Table
+from ruptfx.results import run_files
 from ruptfx.results.directories import LOCK, reserved
 from ruptfx.results.run_files import write_json
 from ruptfx.study.definition import Study
@@ -43,13 +44,17 @@ class Store:
     def __enter__(self) -> Self:
         """Lock the directory and remove unfinished points."""
         marker = self.path / "study.json"
-        strangers = [p.name for p in self.path.glob("*") if p.name not in (LOCK, "points")]
+        unfinished = run_files.unfinished(marker)
+        known = {self.path / LOCK, self.points, *unfinished}
+        strangers = [path.name for path in self.path.glob("*") if path not in known]
         if strangers and not marker.is_file():
             raise RuptfxError(f"{self.path}: holds something else ({strangers[0]}); choose another --out")
         with ExitStack() as stack:
             stack.enter_context(reserved(self.path))
             self.points.mkdir(exist_ok=True)
             self._claim(marker)
+            for file in unfinished:
+                file.unlink(missing_ok=True)
             for left in self.points.glob(".*"):
                 shutil.rmtree(left, ignore_errors=True)
             self._held = stack.pop_all()

@@ -187,6 +187,21 @@ def test_two_processes_and_another_study_are_refused(tmp_path):
     assert run(tmp_path, [2.0]).known_before == 2  # nothing was lost
 
 
+def test_a_study_that_was_killed_in_its_first_file_is_started_again(tmp_path: Path) -> None:
+    """The rest of its file is neither something else nor left; a file of the user with such a name is."""
+    out, plan = tmp_path / "out", study(tmp_path, [2.0])
+    out.mkdir()
+    left = out / ".study.json.12009"
+    left.write_text("{")
+    with Store(out, plan):
+        assert not left.exists() and (out / "study.json").is_file()
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / ".study.json.bak").write_text("{")
+    with pytest.raises(RuptfxError, match=facts(r"holds something else \(.study.json.bak\)")), Store(other, plan):
+        pass
+
+
 def test_what_a_killed_study_leaves_is_removed(tmp_path):
     run(tmp_path, [2.0])
     (tmp_path / "out" / "points" / ".half").mkdir()
