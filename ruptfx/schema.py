@@ -9,6 +9,7 @@ plug-ins (`ruptfx.plugins`).
 from __future__ import annotations
 
 import ast
+import copy
 import difflib
 import importlib
 import inspect
@@ -520,6 +521,13 @@ def _former_kinds(package: str, kind: str) -> tuple[str, ...]:
     return vars(cls).get("former_kinds", ()) if isinstance(cls, type) else ()  # not those of the class it extends
 
 
+class OwnJsonSchema(WithJsonSchema):
+    """JSON schema of a field type, a copy for every field: pydantic 2.10 writes the default of a field into it."""
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return copy.deepcopy(super().__get_pydantic_json_schema__(core, handler))
+
+
 _FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would refuse as unknown
 
 
@@ -543,7 +551,7 @@ def alternative(package: str) -> Any:
     return Annotated[
         SerializeAsAny[Alternative],
         BeforeValidator(choose),
-        WithJsonSchema({_FOLDER: folder}),
+        OwnJsonSchema({_FOLDER: folder}),
     ]
 
 

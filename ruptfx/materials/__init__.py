@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from ruptfx import RuptfxError
 from ruptfx.materials._library import LIBRARY, constants_of
 from ruptfx.materials._stiffness import christoffel, surface_wave_speed, tangent_stiffness
 from ruptfx.materials._tensor import IDENTITY, Tensor
 from ruptfx.profiles import Profile
-from ruptfx.schema import Alternative, Bound, CaseError, alternative, by_name
+from ruptfx.schema import Alternative, Bound, CaseError, OwnJsonSchema, alternative, by_name
 from ruptfx.units import FringeConstant, VaryingDensity
 
 Plane = Literal["stress", "strain", "antiplane", "solid", "axisymmetric"]
@@ -366,7 +366,7 @@ if TYPE_CHECKING:
     AnyMaterial = Material
 else:
     AnyMaterial = Annotated[
-        alternative("ruptfx.materials"), BeforeValidator(constants_of), WithJsonSchema(by_name("materials", [*LIBRARY]))
+        alternative("ruptfx.materials"), BeforeValidator(constants_of), OwnJsonSchema(by_name("materials", [*LIBRARY]))
     ]
 
 __all__ = [

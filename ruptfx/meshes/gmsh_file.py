@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, Field
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import FACETS, MeshSource, RawMesh, _geo
 from ruptfx.meshes._cut import Facets, places
-from ruptfx.schema import CasePath, Name, Part
+from ruptfx.schema import CasePath, Name, OwnJsonSchema, Part
 from ruptfx.units import Positive
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ AGAIN = "write it again with Gmsh, or whatever made it"
 
 OneOrMore = Annotated[
     list[str], Field(min_length=1), BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
-    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
+    OwnJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
 ]  # fmt: skip
 """Names of bodies, or the name of one."""
 

@@ -80,7 +80,7 @@ def test_demos_with_a_schema(tmp_path: Path) -> None:
 def test_help_is_a_command_as_well(asked: list[str], same: list[str]) -> None:
     assert ruptfx(*asked).exit_code == 0 and ruptfx(*asked).output == ruptfx(*same).output
     wrong = ruptfx("help", "runn")
-    assert wrong.exit_code == 2 and "no such command 'runn'" in said(wrong).lower()
+    assert wrong.exit_code == 2 and "did you mean 'run'?" in said(wrong).lower()
 
 
 # -- refused before anything is computed ---------------------------------------------------------------------------
