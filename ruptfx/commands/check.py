@@ -10,7 +10,7 @@ import typer
 from rich.table import Column, Table
 
 from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, begin, reported, screen
-from ruptfx.input.quantities import with_prefix
+from ruptfx.input.quantities import factor, with_prefix
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Row
@@ -97,7 +97,7 @@ _SPAN = re.compile(r"(-?[\d.]+(?:e[-+]?\d+)?) to (-?[\d.]+(?:e[-+]?\d+)?)")
 def _span(first: float, last: float, unit: str) -> tuple[str, str]:
     """Return a range in the unit that suits the end farther from zero."""
     shown = with_prefix(max(first, last, key=abs), unit, 4).partition(" ")[2]
-    size = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}[shown.removesuffix(unit)]
+    size = float(factor(shown, unit))
     return f"{first / size:.4g} to {last / size:.4g}", shown
 
 

@@ -212,10 +212,7 @@ class RigidCracks(CrackStep):
 
     def corners_at(self, vertices: np.ndarray) -> np.ndarray:
         """Return the local nodes of some vertices."""
-        start = self._arrays["star_start"]
-        chosen = np.zeros(len(start) - 1, dtype=bool)
-        chosen[vertices] = True
-        return np.asarray(self._arrays["star"][np.repeat(chosen, np.diff(start))])
+        return self._at_vertices("star", vertices)
 
     def _mend(self, vertices: np.ndarray) -> None:
         """Find the components of some patches again."""
@@ -370,10 +367,14 @@ class RigidCracks(CrackStep):
 
     def ends_at(self, vertices: np.ndarray) -> np.ndarray:
         """Return the facets that end at some vertices, each once."""
-        start, ends = self._arrays["ends_start"], self._arrays["ends"]
+        return np.unique(self._at_vertices("ends", vertices) // 2)
+
+    def _at_vertices(self, name: str, vertices: np.ndarray) -> np.ndarray:
+        """Return the corners (`star`) or facet ends (`ends`) at some vertices."""
+        start = self._arrays[f"{name}_start"]
         chosen = np.zeros(len(start) - 1, dtype=bool)
         chosen[vertices] = True
-        return np.unique(ends[np.repeat(chosen, np.diff(start))] // 2)
+        return np.asarray(self._arrays[name][np.repeat(chosen, np.diff(start))])
 
     def require_balance(self, time: float) -> None:
         """Refuse tractions with an error above `ALLOWED`, and log some of the steps with one above `CONVERGED`.

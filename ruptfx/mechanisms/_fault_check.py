@@ -34,11 +34,12 @@ AnyLengths = TypeVar("AnyLengths", Breakdown, RateDependence)
 def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
     """Yield strength, S ratio, process zone and critical lengths of one fault, at its nucleation and weakest place."""
     face, label = fault.interface, f"faults.{fault.name}"
-    spacing, note = _spacing(face.position), ""
+    spacing = _spacing(face.position)
+    note = f"largest spacing {spacing:.4g} m"
     if face.across is not None:
         down = _spacing(face.across)
-        spacing, note = max(spacing, down), f" along strike and {down:.4g} m down dip"
-    yield Row(f"{label}: points", face.total, "", f"largest spacing {_spacing(face.position):.4g} m{note}")
+        spacing, note = max(spacing, down), f"{note} along strike and {down:.4g} m down dip"
+    yield Row(f"{label}: points", face.total, "", note)
     yield from _position_rows(model, fault)
     rest = _at_rest(fault)
     if any(material.lame(model.case.plane) is None for material in model.materials):
