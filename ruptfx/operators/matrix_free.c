@@ -375,6 +375,12 @@ INLINE void along(const int add, const struct matrix *m, const lanes *in, lanes 
     }
 }
 
+// The same for the lines of a plane of N * N nodes, N apart.
+INLINE void along_plane(const int add, const struct matrix *m, const lanes *in, lanes *out)
+{
+    KEEP for (int b = 0; b < N; b++) along(add, m, in + b, out + b, N);
+}
+
 // The same for all lines of one direction.
 INLINE void along_all(const int add, const struct matrix *m, const lanes *in, lanes *out, const int stride)
 {
@@ -382,47 +388,63 @@ INLINE void along_all(const int add, const struct matrix *m, const lanes *in, la
         KEEP for (int b = 0; b < stride; b++) along(add, m, in + a + b, out + a + b, stride);
 }
 
-// From displacements to internal force over the weights of the nodes, in place.  The last direction, where nodes are neighbours, is done
-// line by line together with the stress.
-INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
+// From displacements to internal force over the weights of the nodes, in place.  In 3D plane after plane, and in a plane line after
+// line of nodes that are neighbours, together with the stress.
+INLINE void apply_plane(const int geometry, struct cell *cell, const int plane, lanes u[COMPONENTS][NODES],
+                        lanes across[COMPONENTS][NODES])
 {
-    struct cell cell = open_cell(geometry, number);
-    lanes g[DIM - 1][COMPONENTS][NODES];
-    UNROLL for (int d = 0; d < DIM - 1; d++)
-        UNROLL for (int c = 0; c < COMPONENTS; c++)
-            along_all(0, &DERIVATIVE, u[c], g[d][c], DIM == 3 && d == 0 ? N * N : N);
-    KEEP for (int line = 0; line < NODES; line += N) {
+    lanes g[COMPONENTS][N * N];
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_plane(0, &DERIVATIVE, u[c] + plane, g[c]);
+    KEEP for (int line = 0; line < N * N; line += N) {
         lanes last[COMPONENTS][N];
-        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &DERIVATIVE, u[c] + line, last[c], 1);
+        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &DERIVATIVE, u[c] + plane + line, last[c], 1);
         lanes hoop[N];
 #if AXISYMMETRIC
         UNROLL for (int q = 0; q < N; q++) hoop[q] = u[1][line + q];
 #endif
         UNROLL for (int q = 0; q < N; q++) {
+            const int node = plane + line + q;
             lanes p[DIM][COMPONENTS];
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
-                UNROLL for (int d = 0; d < DIM - 1; d++) p[d][c] = g[d][c][line + q];
+#if DIM == 3
+                p[0][c] = across[c][node];
+#endif
+                p[DIM - 2][c] = g[c][line + q];
                 p[DIM - 1][c] = last[c][q];
             }
 #if DIM == 2
             const double xi[2] = {POINT[line / N], POINT[q]};
 #else
-            const double xi[3] = {POINT[line / (N * N)], POINT[line / N % N], POINT[q]};
+            const double xi[3] = {POINT[plane / (N * N)], POINT[line / N], POINT[q]};
 #endif
-            flux_at(geometry, &cell, line + q, xi, hoop + q, p);
+            flux_at(geometry, cell, node, xi, hoop + q, p);
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
-                UNROLL for (int d = 0; d < DIM - 1; d++) g[d][c][line + q] = p[d][c];
+#if DIM == 3
+                across[c][node] = p[0][c];
+#endif
+                g[c][line + q] = p[DIM - 2][c];
                 last[c][q] = p[DIM - 1][c];
             }
         }
-        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &TRANSPOSED, last[c], u[c] + line, 1);
+        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &TRANSPOSED, last[c], u[c] + plane + line, 1);
 #if AXISYMMETRIC
         UNROLL for (int q = 0; q < N; q++) u[1][line + q] += hoop[q];
 #endif
     }
-    UNROLL for (int d = 0; d < DIM - 1; d++)
-        UNROLL for (int c = 0; c < COMPONENTS; c++)
-            along_all(1, &TRANSPOSED, g[d][c], u[c], DIM == 3 && d == 0 ? N * N : N);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_plane(1, &TRANSPOSED, g[c], u[c] + plane);
+}
+
+INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
+{
+    struct cell cell = open_cell(geometry, number);
+    lanes across[COMPONENTS][NODES];
+#if DIM == 3
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_all(0, &DERIVATIVE, u[c], across[c], N * N);
+#endif
+    KEEP for (int plane = 0; plane < NODES; plane += N * N) apply_plane(geometry, &cell, plane, u, across);
+#if DIM == 3
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_all(1, &TRANSPOSED, across[c], u[c], N * N);
+#endif
 }
 #endif
 
@@ -638,13 +660,21 @@ INLINE void advance_row(const int damped, const int kind, const int measured, co
     }
 }
 
+#define ROWS_AHEAD 6
+
 INLINE double advance_block(const int damped, const int kind, const int measured, const struct motion *motion,
                             const struct plan *plan, long block, double *energy)
 {
     lanes row_sum = {0}, row_lost = {0}, row_power[2] = {{0}}, row_energy[2] = {{0}};
     double sum = 0;
-    for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
+    const long end = plan->row_start[block + 1];
+    for (long r = plan->row_start[block]; r < end; r++) {
+        // Rows are too short for the processor to prefetch by itself what the elements have not touched.
+        const long ahead = plan->row[r + ROWS_AHEAD < end ? r + ROWS_AHEAD : end - 1];
+        UNROLL for (int k = 0; k < COMPONENTS; k++) __builtin_prefetch(motion->velocity + ahead * COMPONENTS + 8 * k, 1);
+        __builtin_prefetch(motion->inverse_mass + ahead, 0);
         advance_row(damped, kind, measured, motion, plan->row[r], &row_sum, &row_lost, row_power, row_energy);
+    }
     for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
         sum += advance_node(damped, kind, measured, motion, plan->single[n], energy);
     if (damped)

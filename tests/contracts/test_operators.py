@@ -16,6 +16,7 @@ from ruptfx.materials import Material
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.materials.orthotropic_elastic import OrthotropicElastic
 from ruptfx.operators import Bulk, FusedOperator
+from ruptfx.operators.matrix_free import MatrixFree, _tiles
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import kinds, own_module
 from ruptfx.space.variation import Variation
@@ -335,9 +336,12 @@ fused = pytest.mark.parametrize("kind", [
 def test_fused_step_is_the_plain_step(
     kind: str, setting: Setting, scattered: bool, decay: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Several blocks even on these meshes: nodes move on between them.
-    monkeypatch.setattr("ruptfx.operators.matrix_free.BLOCK_NODES", 32)
-    bulk, operator = make_bulk(setting), make_operator(kind, setting)
+    # Several blocks and tiles even on these meshes: nodes move on between blocks.
+    for constant in ("BLOCK_NODES", "BLOCK_NODES_3D", "TILE_NODES"):
+        monkeypatch.setattr(f"ruptfx.operators.matrix_free.{constant}", 32)
+    make_operator(kind, setting)  # skips what the operator refuses
+    bulk = make_bulk(setting)
+    operator = operators.create(kind, bulk)
     assert isinstance(operator, FusedOperator)
     components, dt = bulk.space.dofmap.index_map_bs, 0.1
     displacement, velocity, draw = random_fields(bulk, 3)
@@ -361,6 +365,30 @@ def test_fused_step_is_the_plain_step(
         (force, expected_force), (velocity, expected_velocity), (displacement, expected_displacement),
     ):  # fmt: skip
         assert np.abs(found - expected).max(initial=0) <= 1e-14 * max(1, np.abs(expected).max(initial=0))
+
+
+@pytest.mark.parametrize("elements", [(6, 5, 4), (12, 9, 1)], ids=["box", "one layer"])
+def test_elements_follow_one_another_tile_by_tile(
+    elements: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ruptfx.operators.matrix_free.TILE_NODES", 200)
+    meshes = fem.dolfinx.mesh
+    corners = [[0.0, 0.0, 0.0], [0.1 * count for count in elements]]
+    mesh = meshes.create_box(fem.MPI.COMM_WORLD, corners, list(elements), meshes.CellType.hexahedron)
+    space = fem.lagrange(mesh, 2, 3)
+    bulk = Bulk(space, "solid", [SOFT], np.zeros(len(space.dofmap.list), dtype=np.int32))
+    operator = MatrixFree(bulk)
+    owned = mesh.topology.index_map(3).size_local
+    tile = _tiles(space, local_size(bulk) // 3)
+    order = operator.batches.ravel()
+    assert sorted(np.unique(order)) == list(range(owned))
+    if mesh.comm.size == 1:
+        assert np.all(np.diff(tile[order]) >= 0)
+        sizes = [len(np.unique(space.dofmap.list[:owned][tile == number])) for number in np.unique(tile)]
+        assert len(sizes) > 4 and max(sizes) < 4 * 200
+    expected = internal_force(UflForm(bulk), displacement := random_fields(bulk, 1)[0])
+    found = internal_force(operator, displacement)
+    assert np.abs(found - expected).max(initial=0) <= 1e-12 * np.abs(expected).max(initial=0)
 
 
 def shared_nodes(bulk: Bulk) -> np.ndarray:
