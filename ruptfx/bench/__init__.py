@@ -160,7 +160,7 @@ def run_benchmark(
     name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench", jobs: int = 1,
     folder: str | Path | None = None,
 ) -> bool:  # fmt: skip
-    """Run one benchmark, or `all`; print its table, save its figure and its numbers.
+    """Run one benchmark, or `all`; print its table, save its figure and its numbers from rank 0.
 
     `list` only lists them; `table` prints the saved numbers of earlier runs as one table in Markdown. `all` goes on
     when one breaks down, and does not decide by times. The last lines printed say which checks failed.
@@ -204,18 +204,19 @@ def run_benchmark(
     ended = _each({each: known[each] for each in chosen}, fine, Path(out), alone, jobs)
     for number, (each, (outcome, seconds)) in enumerate(ended, 1):
         outcomes[each] = outcome
-        if not as_json:
+        if not as_json and _is_first():
             _print(each, outcome.checks, seconds, alone)
-        if not alone:
+        if not alone and _is_first():
             console(stderr=True).print(f"{number} of {len(chosen)} benchmarks ended")
     outcomes = {each: outcomes[each] for each in chosen}  # not in the order in which they ended
-    if as_json:
+    if as_json and _is_first():
         rows = {each: outcome.rows or _rows(outcome.checks) for each, outcome in outcomes.items()}
         print(json.dumps(rows[name] if alone else rows, indent=2))
     failed, lines = verdict({each: outcome.checks for each, outcome in outcomes.items()}, alone)
-    if failed or not as_json:
+    if (failed or not as_json) and _is_first():
         print("\n".join(lines), file=sys.stderr if as_json else sys.stdout)
-    return not failed
+    world = _world()
+    return not (failed if world is None else world.bcast(failed))  # ranks measure different times
 
 
 def verdict(checks: Mapping[str, Sequence[Check]], alone: bool) -> tuple[bool, list[str]]:
@@ -311,12 +312,13 @@ def _run(path: Path, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float
     name = path.stem
     out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
-    console(stderr=True).print(f"{name} ...")
+    if _is_first():
+        console(stderr=True).print(f"{name} ...")
     try:
         result = module_of(path).run(fine, _world())
         seconds = time.perf_counter() - began
         outcome = result if isinstance(result, Outcome) else Outcome(list(result))
-        if outcome.draw is not None:
+        if outcome.draw is not None and _is_first():
             outcome.draw().savefig(out / f"{name}.png", dpi=200)
     except Exception as error:
         if alone:
@@ -325,7 +327,8 @@ def _run(path: Path, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float
         said = f"{type(error).__name__}: {error}"[:300]
         outcome, seconds = Outcome([Check("ran to its end", 1.0, math.nan, source=said)]), time.perf_counter() - began
     saved = {"fine": fine, "seconds": seconds, "checks": _rows(outcome.checks), "rows": outcome.rows or []}
-    (out / f"{name}.json").write_text(json.dumps(saved, indent=2) + "\n")
+    if _is_first():
+        (out / f"{name}.json").write_text(json.dumps(saved, indent=2) + "\n")
     return outcome, seconds
 
 
@@ -376,6 +379,12 @@ def _world() -> MPI.Comm | None:
     from ruptfx import fem
 
     return fem.MPI.COMM_WORLD
+
+
+def _is_first() -> bool:
+    """Return whether this rank prints and saves."""
+    world = _world()
+    return world is None or world.rank == 0
 
 
 def _print(name: str, checks: list[Check], seconds: float, alone: bool) -> None:

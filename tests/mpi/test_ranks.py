@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx import RuptfxError, fem
+from ruptfx.bench import run_benchmark
 from ruptfx.case import parse_case
 from ruptfx.faults.interface import build_interface
 from ruptfx.faults.projection import ProjectionError
@@ -211,6 +213,28 @@ def test_an_existing_directory_is_refused_on_all(shared_tmp_path: Path) -> None:
             (shared_tmp_path / "taken" / "something").write_text("")
         COMM.barrier()
         simulate(case(), shared_tmp_path / "taken", progress=False)
+
+
+PLUS_RANK = '''"""An example."""
+from ruptfx.bench import Check
+
+
+def run(fine, comm):
+    return [Check("rank", 0.0, comm.rank)]
+'''
+
+
+def test_rank_0_prints_and_saves_a_benchmark_and_decides(shared_tmp_path: Path, capsys) -> None:
+    folder = shared_tmp_path / "own_benchmarks"
+    if COMM.rank == 0:
+        folder.mkdir()
+        (folder / "plus_rank.py").write_text(PLUS_RANK)
+    COMM.barrier()
+    assert run_benchmark("plus_rank", out=folder / "out", folder=folder)  # the check of rank 1 fails
+    printed = capsys.readouterr().out
+    assert ("checks that failed: 0 of 1" in printed) if COMM.rank == 0 else not printed
+    COMM.barrier()
+    assert [row["found"] for row in json.loads((folder / "out" / "plus_rank.json").read_text())["checks"]] == [0]
 
 
 @pytest.mark.parametrize("steps", [3, 40])
