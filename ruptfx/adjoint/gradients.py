@@ -321,6 +321,10 @@ def gradient(
     chosen(model.in_steps("explicit"), given, terms)  # refuses unknown keys before the first step
     with Progress(show) as bar:
         made = Objective(case, terms, comm, memory, bar.update, model)
+    if not np.isfinite(made.value):
+        raise RuptfxError(
+            f"objective = {made.value:g}: its gradient is no number; give a larger sigma, in the SI unit of the data"
+        )
     with Progress(show) as bar:
         found = made.gradient(given, bar.update)
     for each in given:

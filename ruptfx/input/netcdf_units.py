@@ -1,11 +1,17 @@
-"""Units of the variables of NetCDF files."""
+"""Units and packed values of the variables of NetCDF files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ruptfx.input.quantities import factor
+
+if TYPE_CHECKING:
+    import h5netcdf
 
 
 def unit_and_factor(path: Path, name: str, attributes: Mapping[str, object], unit: str | None) -> tuple[str, float]:
@@ -35,3 +41,18 @@ def unit_and_factor(path: Path, name: str, attributes: Mapping[str, object], uni
     except ValueError as error:
         wanted = f", write {unit} or a multiple" if unit else ""
         raise ValueError(f"{path}: '{name}' has units = '{given}': {error}; correct this attribute{wanted}") from None
+
+
+def unpacked(variable: h5netcdf.Variable) -> np.ndarray:
+    """Return the numbers of a variable in its unit, NaN where they are missing.
+
+    The attributes `_FillValue` and `missing_value` name stored values that are missing; the others are multiplied by
+    `scale_factor`, and `add_offset` is added (CF conventions).
+    """
+    stored, attributes = np.asarray(variable[...]), variable.attrs
+    scale, offset = float(attributes.get("scale_factor", 1.0)), float(attributes.get("add_offset", 0.0))
+    values = stored.astype(float) * scale + offset
+    for name in ("_FillValue", "missing_value"):
+        if name in attributes:
+            values[np.isin(stored, attributes[name])] = np.nan
+    return values

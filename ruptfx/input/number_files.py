@@ -39,7 +39,11 @@ def number(word: str | None, path: str | Path, line: int, scale: Fraction | int 
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise ValueError(f"line {line} of {path}: {(word or '').strip()!r} must be a finite number")
+        point = ", with a decimal point" if "," in (word or "") else ""
+        raise ValueError(
+            f"line {line} of {path}: {(word or '').strip()!r} must be a finite number{point}; correct it, or leave out "
+            "the line"
+        )
     # In exact arithmetic, so that 60 in microseconds equals 60e-6 bitwise.
     return value if scale == 1 else float(Fraction(Decimal((word or "").strip())) * scale)
 
@@ -240,12 +244,17 @@ def with_units(path: Path, first: str | None = None, others: str | None = None) 
     lines = [(i, line) for i, line in enumerate(text_of(path).splitlines(), 1) if line.strip()]
     start = next((i for i, (_, line) in enumerate(lines) if is_number(_words(line)[0])), None)
     if start is None or start == 0:
-        raise ValueError(f"{path}: a header with the unit of every column and lines with numbers are needed")
+        raise ValueError(
+            f"{path}: a header with the unit of every column and lines with numbers are needed, with commas or "
+            "semicolons between the columns"
+        )
     named: list[tuple[str, str]] = []
     above, header = lines[start - 1]
     for column, cell in enumerate(_words(header.lstrip("# "))):
         where = f"line {above} of {path}, column {column + 1}"
         found = _BRACKETED.fullmatch(cell)
+        if found is None and re.fullmatch(r"[-+]?\d*,\d+([eE][-+]?\d+)?", cell):
+            raise ValueError(f"{where}, {cell!r}: is no number; write numbers with a decimal point")
         if found is None:
             raise ValueError(f"{where}, {cell!r}: has no unit; write it in brackets behind the name, as time (us)")
         _name_and_factor(cell, others if column else first, where)

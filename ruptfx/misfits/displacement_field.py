@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
-from ruptfx.input.netcdf_units import unit_and_factor
+from ruptfx.input.netcdf_units import unit_and_factor, unpacked
 from ruptfx.input.quantities import factor
 from ruptfx.instruments import Channel
 from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
@@ -145,7 +145,12 @@ def _from_grid(path: Path, every: int) -> dict[str, list[float]]:
                 unit = str(file[name].attrs.get("units", ""))
                 if unit in ("", "pixel"):
                     raise ValueError(f"{path}: '{name}' is in pixels or has no unit; use `ruptfx dic --pixel`")
-                read[name] = file[name][...].astype(float) * unit_and_factor(path, name, file[name].attrs, "m")[1]
+                axes, wanted = file[name].dimensions, {name} if name in ("x", "y") else {"x", "y"}
+                if set(axes) != wanted:
+                    given, asked = ", ".join(axes) or "none", " and ".join(sorted(wanted))
+                    raise ValueError(f"{path}: '{name}' has the axes {given}; give it {asked}")
+                values = unpacked(file[name]) * unit_and_factor(path, name, file[name].attrs, "m")[1]
+                read[name] = values.T if axes == ("x", "y") else values
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error})") from None
     x, y = np.meshgrid(read["x"][::every], read["y"][::every])

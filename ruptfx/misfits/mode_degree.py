@@ -79,7 +79,9 @@ class ModeDegree(Misfit):
     def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
         duration = bodies.model.case.duration
         if self.interval > duration / 4:
-            raise CaseError(f"{key}.interval = {self.interval:g} s: at most a quarter of duration = {duration:g} s")
+            raise CaseError(
+                f"{key}.interval = {self.interval:g} s: at most a quarter of duration = {duration:g} s; shorten it"
+            )
         times = np.arange(0.0, duration * (1 - 1e-9), self.interval)
         found: list[Request] = []
         for position in self._positions:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
-from ruptfx.input.netcdf_units import unit_and_factor
+from ruptfx.input.netcdf_units import unit_and_factor, unpacked
 from ruptfx.input.quantities import factor
 from ruptfx.instruments import Instrument
 from ruptfx.instruments._filter import filtered
@@ -75,7 +75,7 @@ class Traces(Misfit):
             raise ValueError("give either a file, or times, data and units")
         path = Path((info.context or {}).get("directory") or ".", values["file"])
         read = _from_run if path.suffix in (".h5", ".nc") else _from_text
-        times, data, units = read(path, str(values.get("instrument")))
+        times, data, units = read(path, str(values.get("instrument")), values.get("channels"))
         given = {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
         found = handler(given)
         found.__dict__["_read_from"] = str(path)
@@ -92,7 +92,8 @@ class Traces(Misfit):
             raise ValueError("there are no data; give a file, or times, data and units")
         if len(late := np.flatnonzero(np.diff(self.times) <= 0)):
             before, after = self.times[late[0] : late[0] + 2]
-            raise ValueError(f"times: {after:g} s after {before:g} s; they must increase, sort the data")
+            remedy = "remove one of the two" if after == before else "sort the data"
+            raise ValueError(f"times: {after:g} s after {before:g} s; they must increase, {remedy}")
         for name, values in self.data.items():
             if len(values) != len(self.times):
                 raise ValueError(f"data.{name}: {len(values)} values at {len(self.times)} times; give one for each")
@@ -217,14 +218,20 @@ class Traces(Misfit):
         return found
 
 
-def _from_text(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+def _from_text(
+    path: Path, instrument: str, channels: object
+) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
     columns = number_files.with_units(path, "s")
     (_, (times, unit)), *rest = columns.items()
+    if not rest:
+        raise ValueError(f"{path}: has one column; it needs the time and one channel or more, as velocity (m/s)")
     seconds = (np.array(times) * float(factor(unit, "s"))).tolist()
     return seconds, {name: column for name, (column, _) in rest}, {name: unit for name, (_, unit) in rest}
 
 
-def _from_run(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+def _from_run(
+    path: Path, instrument: str, channels: object
+) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
     import h5netcdf
 
     try:
@@ -235,9 +242,19 @@ def _from_run(path: Path, instrument: str) -> tuple[list[float], dict[str, list[
             names = [name for name in group.variables if name != "time" and group[name].dimensions == ("time",)]
             if "time" not in group.variables or not names:
                 raise ValueError(f"{path}: needs a variable 'time' and channels with the dimension 'time'")
+            if isinstance(channels, Sequence):  # others may have missing values
+                names = [name for name in names if name in channels] or names
             _, seconds = unit_and_factor(path, "time", group["time"].attrs, "s")
+            times = seconds * unpacked(group["time"])
             units = {name: unit_and_factor(path, name, group[name].attrs, None)[0] for name in names}
-            data = {name: group[name][:].astype(float).tolist() for name in names}
-            return (seconds * group["time"][:].astype(float)).tolist(), data, units
+            data = {name: unpacked(group[name]) for name in names}
+            for name, each in (("time", times), *data.items()):
+                if len(wrong := np.flatnonzero(~np.isfinite(each))):
+                    others = "" if name == "time" else ", or leave out this one by naming the others in channels"
+                    raise ValueError(
+                        f"{path}: '{name}' has no finite number at {len(wrong)} of {len(each)} times, the first at "
+                        f"index {wrong[0]}; leave out these times of all channels{others}"
+                    )
+            return times.tolist(), {name: each.tolist() for name, each in data.items()}, units
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error})") from None

@@ -139,6 +139,55 @@ def test_data_are_read_from_netcdf_with_units(group: str, tmp_path: Path) -> Non
             case_with(term, tmp_path)
 
 
+PACKED = {"dtype": "i2", "scale_factor": 0.5, "add_offset": 10.0, "_FillValue": -9999}
+
+
+def test_packed_and_missing_values_of_netcdf_files(tmp_path: Path) -> None:
+    """Integers with scale and offset are unpacked; missing values of a channel that counts are refused."""
+    values = {"velocity": ("time", [10.0, 20.5], {"units": "cm/s"}), "lost": ("time", [1.0, np.nan], {"units": "cm/s"})}
+    found = xarray.Dataset(values, {"time": ("time", [3.0, 5.0], {"units": "us"})})
+    packing = {"velocity": PACKED, "lost": PACKED, "time": {"dtype": "i4", "scale_factor": 0.25}}
+    found.to_netcdf(tmp_path / "data.nc", engine="h5netcdf", encoding=packing)
+    term = {"kind": "traces", "instrument": "body", "file": "data.nc", "sigma": 0.1}
+    (made,) = case_with({**term, "channels": ["velocity"]}, tmp_path).objective
+    assert made.times == pytest.approx([3e-6, 5e-6]) and made.data == {"velocity": pytest.approx([10.0, 20.5])}
+    with pytest.raises(CaseError, match=facts(r"objective\.0: .*data\.nc: 'lost' .* 1 of 2 times.*in channels")):
+        case_with(term, tmp_path)
+
+
+@pytest.mark.parametrize("text, message", [
+    ("time (us),velocity (m/s)\n1,2\n2,\n", r"line 3 .*: '' must be a finite number; .*leave out the line"),
+    ("time (us);velocity (m/s)\n1;2,5\n", r"line 2 .*: '2,5' .*decimal point"),
+    ("time (us);velocity (m/s)\n1,5;2\n2;3\n", r"line 2 .*, column 1, '1,5': .*decimal point"),
+    ("time (us)\tvelocity (m/s)\n1\t2\n", "commas or semicolons"),
+    ("time (us)\n1\n2\n", r"data\.csv: has one column"),
+    ("time (us),velocity (m/s)\n1,2\n1,3\n", "1e-06 s after 1e-06 s.*remove one of the two"),
+    ("time (us),velocity (m/s)\n2,2\n1,3\n", "1e-06 s after 2e-06 s.*sort the data"),
+])  # fmt: skip
+def test_data_files_that_cannot_be_used_are_refused(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "data.csv").write_text(text)
+    with pytest.raises(CaseError, match=facts(message)):
+        case_with({"kind": "traces", "instrument": "body", "file": "data.csv", "sigma": 0.1}, tmp_path)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_fields_are_read_in_both_orders_of_their_axes(packed: bool, tmp_path: Path) -> None:
+    moved = [[1.0, 9.0, 3.0], [4.0, np.nan, 5.5]]
+    grid = xarray.Dataset(
+        {"displacement_x": (("y", "x"), moved, {"units": "um"})},
+        {"x": ("x", [5.0, 6.0, 7.0], {"units": "mm"}), "y": ("y", [1.0, 2.0], {"units": "mm"})},
+    )
+    encoding = {"displacement_x": PACKED} if packed else {}
+    for axes in (("y", "x"), ("x", "y")):
+        grid.transpose(*axes).to_netcdf(tmp_path / "moved.nc", engine="h5netcdf", encoding=encoding)
+        (made,) = case_with(field(file="moved.nc"), tmp_path).objective
+        assert made.x == pytest.approx([5e-3, 6e-3, 7e-3, 5e-3, 7e-3])
+        assert made.displacement_x == pytest.approx([1e-6, 9e-6, 3e-6, 4e-6, 5.5e-6])
+    grid.expand_dims("time").to_netcdf(tmp_path / "moved.nc", engine="h5netcdf")
+    with pytest.raises(CaseError, match=facts(r"moved\.nc: 'displacement_x' has the axes time, y, x; give it x and y")):
+        case_with(field(file="moved.nc"), tmp_path)
+
+
 def field(**keys: Any) -> dict[str, Any]:
     return {"kind": "displacement_field", "time": 8e-6, "sigma": 1e-6, **keys}
 
@@ -173,6 +222,12 @@ def test_a_number_is_recovered_from_a_field_of_displacements(tmp_path: Path) -> 
     (found,) = infer(case, tmp_path / "out", progress=False).unknowns
     low, high = found.interval[:, 0]
     assert abs(found.best[0] - 4e-6) < 2 * (high - low) < 2e-6
+
+
+def test_an_objective_that_is_not_finite_is_refused() -> None:
+    """Its gradient would be no number."""
+    with pytest.raises(RuptfxError, match=facts("objective = inf: .*sigma")), np.errstate(over="ignore"):
+        gradient(case_with({"kind": "final_slip", "sigma": 1e-200}), progress=False)
 
 
 @pytest.mark.parametrize("term, message", [
