@@ -212,10 +212,15 @@ class Ground(Attached):
         if not active.any():
             return low
         high = np.ones(len(low))
-        at_high, side, found = excess(high), np.zeros(len(low)), low.copy()
+        at_high, side, found = excess(high), np.zeros(len(low)), high.copy()
+        # A node that has converged keeps its damage while others iterate: an excess of zero has no other bracket, and
+        # the damage must not depend on which nodes share a rank.
+        sought = active & (at_high < 0)
         for _ in range(MOST_HALVINGS):
+            if not sought.any():
+                break
             with np.errstate(all="ignore"):
-                middle = np.where(at_high < 0, (low * at_high - high * at_low) / (at_high - at_low), 1.0)
+                middle = np.where(sought, (low * at_high - high * at_low) / (at_high - at_low), found)
             value = excess(middle)
             up = value > 0
             at_high = np.where(up & (side > 0), 0.5 * at_high, at_high)
@@ -223,8 +228,7 @@ class Ground(Attached):
             low, at_low = np.where(up, middle, low), np.where(up, value, at_low)
             high, at_high = np.where(up, high, middle), np.where(up, at_high, value)
             side, found = np.where(up, 1.0, -1.0), middle
-            if np.all(np.abs(value[active]) <= TOLERANCE):
-                break
+            sought &= np.abs(value) > TOLERANCE
         found = np.where(found > 1 - FAILED, 1.0, np.maximum(found, fields["damage"]))
         return np.where(active, found, fields["damage"])
 

@@ -17,6 +17,7 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx import fem
+from ruptfx.attachments.foundation import Ground
 from ruptfx.case import Case, parse_case
 from ruptfx.mechanisms import Mechanism
 from ruptfx.mechanisms._check_table import Plan
@@ -109,6 +110,26 @@ def agree_on_ranks(given: Case, march: Callable[[Any, Any], object], rtol: float
 @every_attachment
 def test_the_same_on_any_ranks(kind: str) -> None:
     agree_on_ranks(attached(kind), lambda motion, state: advance(motion, state, 6e-6), 1e-9)
+
+
+def test_nodes_of_the_ground_fail_each_by_itself() -> None:
+    """Damage, pulled off and sheared, does not depend on the nodes beside; without shear it is that of a linear law."""
+    given, random = example("foundation"), np.random.default_rng(0)
+    (ground,) = Model(attached("foundation")).attachments
+    assert isinstance(ground, Ground)
+    law, nodes = given["cohesion"], np.arange(len(ground.at))[:, None]
+    fields = {field.name: np.zeros((len(nodes), 2) if field.vector else len(nodes)) for field in ground.fields}
+    slope = law["f_t"] ** 2 / (2 * law["G_Ic"])  # strength that is lost per opening
+    for shear in (0.0, *np.full(20, 1.0)):
+        away, along = random.uniform(0.0, 1.5, (2, len(nodes))) * law["f_t"] / slope
+        moved = np.column_stack([shear * along, away])  # the ground is below
+        found = ground._answer(fields, moved)[0]["damage"]
+        if not shear:
+            opening = (given["normal"] * away - law["f_t"]) / (given["normal"] - slope)
+            np.testing.assert_allclose(found, np.clip(opening * slope / law["f_t"], 0, 1), atol=1e-12)
+        for node in nodes[:, 0]:
+            alone = ground._answer(fields, np.where(nodes == node, moved, 0.0))[0]["damage"]
+            assert alone[node] == found[node]
 
 
 @every_attachment
