@@ -271,11 +271,11 @@ class RigidCracks(CrackStep):
         """
         if self.large_rotations:
             self._library.orient(ctypes.byref(self._c), _at(state.displacement))
+        if "mass" not in self._arrays:  # a resumed run has inserted facets before its first search
+            self._keep("mass", mass)
         if state.step % self._every:
             return self._found[:0]
         cracks = state.cracks
-        if "mass" not in self._arrays:
-            self._keep("mass", mass)
         count = self._library.check(
             ctypes.byref(self._c), _at(state.displacement), self._ends(cracks), _at(self._found)
         )

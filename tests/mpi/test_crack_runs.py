@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.crack_cases import BRITTLE, SOFT, WEAK, block, faulted
-from helpers.whole_runs import run_of, run_on, starts_jobs, stopped
+from helpers.whole_runs import run_of, run_on, starts_jobs, stopped, write
 
 from ruptfx import fem
 from ruptfx.case import read_case
+from ruptfx.cracks.extrinsic import Extrinsic
 from ruptfx.record import Record
 from ruptfx.recording.checkpoint import Checkpoint
 
@@ -69,3 +70,14 @@ def test_a_run_goes_on_from_its_checkpoint_to_the_same_bits(
     found = Checkpoint.latest(fem.MPI.COMM_WORLD, out, read_case(case_file).hash)
     assert found is not None and 0 < found.manifest["time"] < 9e-6
     same(alone, run_on(ranks, case_file, out, "--resume"))
+
+
+@pytest.mark.faults
+def test_a_run_goes_on_between_two_checks_of_the_strength(tmp_path: Path) -> None:
+    """From a checkpoint at an odd step, when facets are inserted and the strength is checked at even steps."""
+    case_file = write(tmp_path, block({"fracture.kind": "extrinsic", "output.checkpoint_steps": 115}))
+    whole = run_on(1, case_file, tmp_path / "whole")
+    out = stopped(whole, tmp_path / "run")
+    found = Checkpoint.latest(fem.MPI.COMM_WORLD, out, read_case(case_file).hash)
+    assert found is not None and found.manifest["step"] % Extrinsic.model_fields["check_every"].default == 1
+    same(whole, run_on(1, case_file, out, "--resume"))
