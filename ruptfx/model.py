@@ -33,7 +33,7 @@ from ruptfx.operators._geometry import is_tensor
 from ruptfx.operators._memory import MemorySweep
 from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
-from ruptfx.profiles._places import Place, located, parts, positions, shifted
+from ruptfx.profiles._places import Place, located, parts, patches, positions, shifted
 from ruptfx.profiles._rim import Patch
 from ruptfx.schema import CaseError, nearest
 from ruptfx.sliding.interface import build_sliding
@@ -285,13 +285,14 @@ class Model(System):
             )
 
     def _check_patches(self, name: str, face: Interface, fault: FaultCase) -> None:
-        """Refuse patches of a surface in which no point of it lies.
+        """Refuse patches and strips of a surface in which no point of it lies.
 
         Raises
         ------
         CaseError
             On all ranks.
         """
+        self._check_strips(name, face, fault)
         for key, patch in parts(fault, f"faults.{name}"):
             if not isinstance(patch, Patch) or face.across is None:
                 continue
@@ -304,6 +305,26 @@ class Model(System):
                     f"and dip = {upper:g} to {lower:g} m; the points have strike from {face.line.first:g} to "
                     f"{face.line.last:g} m and dip from 0 to {deepest:g} m: move the patch onto the surface, or reduce "
                     "mesh.element_size if it is between points"
+                )
+
+    def _check_strips(self, name: str, face: Interface, fault: FaultCase) -> None:
+        """Refuse strips across a surface in which no point of it lies."""
+        if face.across is None:
+            return
+        for strip in patches(fault, f"faults.{name}"):
+            if not strip.has_edge or strip.center is not None:
+                continue
+            positions = face.across if strip.down_dip else face.position
+            first, last = strip.ends
+            slack = 1e-9 * (last - first)
+            inside = (positions >= first - slack) & (positions <= last + slack)
+            if parallel.largest(self.comm, float(inside.any())) == 0:
+                lowest = -parallel.largest(self.comm, float((-positions).max(initial=-np.inf)))
+                highest = parallel.largest(self.comm, float(positions.max(initial=-np.inf)))
+                raise CaseError(
+                    f"{strip.key}: no point of the surface is in the {strip.kind} from {first:g} to {last:g} m "
+                    f"{'down dip' if strip.down_dip else 'along strike'}; the points are from {lowest:g} to "
+                    f"{highest:g} m: move it onto the surface, or reduce mesh.element_size if it is between points"
                 )
 
     def _position_of(self, face: Interface, key: str, place: Place) -> float | np.ndarray:

@@ -101,9 +101,17 @@ def _span(first: float, last: float, unit: str) -> tuple[str, str]:
     return f"{first / size:.4g} to {last / size:.4g}", shown
 
 
-_QUANTITY = re.compile(r"(?<![\w.,(/^-])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) (s|Pa|m)(?![\w/^*])")
+_NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+_QUANTITY = re.compile(rf"(?<![\w.,(/^-])(?:({_NUMBER}) to )?({_NUMBER}) (s|Pa|m)(?![\w/^*])")
 
 
 def readable(note: str) -> str:
     """Return a note with its times, stresses and lengths in the same way: "1250 steps for 60 us"."""
-    return _QUANTITY.sub(lambda found: with_prefix(float(found[1]), found[2], 4), note)
+    return _QUANTITY.sub(_with_prefix, note)
+
+
+def _with_prefix(found: re.Match[str]) -> str:
+    """Return a quantity or a range of a note with the prefix that suits it."""
+    if found[1] is None:
+        return with_prefix(float(found[2]), found[3], 4)
+    return " ".join(_span(float(found[1]), float(found[2]), found[3]))

@@ -313,11 +313,14 @@ def _position_rows(model: System, fault: Fault) -> Iterator[Row]:
     face, label = fault.interface, f"faults.{fault.name}"
     yield Row(f"{label}: position", _range(face.line.first, face.line.last), "m", face.line.meaning)
     if face.across is not None:
-        down = ", ".join(f"{value:.3g}" for value in face.frame[:, 2].mean(axis=0) + 0.0)
+        mean = face.frame[:, 2].mean(axis=0)
+        down = ", ".join(f"{value:.3g}" for value in np.round(mean / np.linalg.norm(mean), 3) + 0.0)
         note = f"down dip along ({down}), from the upper edge"
         yield Row(f"{label}: dip", _range(face.across.min(), face.across.max()), "m", note)
     for patch in patches(model.placed[fault.name], label):
         note = "along strike" if patch.center is not None else "a strip across the interface"
+        if patch.down_dip:
+            note = "down dip, a strip along strike"
         if face.points.shape[1] == 2:
             note = " to ".join(_coordinates(face, end) for end in patch.ends)
         yield Row(f"{label}: {patch.key.removeprefix(f'{label}.')}, {patch.kind}", _range(*patch.ends), "m", note)

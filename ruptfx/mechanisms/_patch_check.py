@@ -8,6 +8,7 @@ import numpy as np
 
 from ruptfx.faults.interface import Interface
 from ruptfx.mechanisms._check_table import Row
+from ruptfx.profiles._places import Patch as Strip
 from ruptfx.profiles._places import distance, parts, patches
 from ruptfx.profiles._rim import Patch
 from ruptfx.schema import Part
@@ -16,10 +17,11 @@ FEWEST = 3  # points across a patch
 LARGEST_ERROR = 0.05  # of the area
 SAMPLES = 400  # along each side of a patch
 ROUNDING = 1e-6  # of the size of the surface
+FLAT = 1e-3  # height over length of a surface whose own plane is that of its positions
 
 
 def surface_patch_rows(face: Interface, given: Part, label: str) -> Iterator[Row]:
-    """Yield a row for every rectangle, ellipse and disc of a fault, a warning if the mesh does not resolve it.
+    """Yield a row for every rectangle, ellipse, disc and strip of a fault, a warning if the mesh does not resolve it.
 
     Parameters
     ----------
@@ -35,7 +37,9 @@ def surface_patch_rows(face: Interface, given: Part, label: str) -> Iterator[Row
             ends = np.array([part.strike, part.dip])
             yield _row(f"{label}: {key.removeprefix(f'{label}.')}, {part.kind()}", face, part.share, ends, part.rim)
     for disc in patches(given, label):
-        if disc.center is None or len(disc.ends) < 2:
+        if disc.has_reach and disc.center is None:
+            yield _strip_row(f"{label}: {disc.key.removeprefix(f'{label}.')}, strip", face, disc)
+        if disc.center is None or not disc.has_reach:
             continue
         center, radius = disc.center, 0.5 * (disc.ends[1] - disc.ends[0])
 
@@ -46,13 +50,49 @@ def surface_patch_rows(face: Interface, given: Part, label: str) -> Iterator[Row
         yield _row(f"{label}: {disc.key.removeprefix(f'{label}.')}, disc", face, inside, ends, 0.0)
 
 
+def _strip_row(quantity: str, face: Interface, strip: Strip) -> Row:
+    """Return the row of a strip that crosses the surface.
+
+    If its values jump at its edges, and these are between the outermost points, the area of its points is compared
+    with its area. That follows from the areas of all points, half of which is on either side of a point, so that the
+    surface may have any outline.
+    """
+    positions = face.locations[:, 1 if strip.down_dip else 0]
+    extent = np.ptp(positions)
+    slack = ROUNDING * extent
+    first, last = strip.ends
+    rows, of_row = np.unique(np.round((positions - positions.min()) / slack).astype(np.int64), return_inverse=True)
+    rows = positions.min() + slack * rows
+    areas = np.bincount(of_row, _area_in_plane(face))
+    inside = (rows >= first - slack) & (rows <= last + slack)
+    number = int(inside.sum())
+    few = number < FEWEST
+    notes = [f"{first:g} m to {last:g} m {'down dip' if strip.down_dip else 'along strike'}"]
+    if strip.has_edge and rows[0] - slack <= first and last <= rows[-1] + slack:
+        exact = float(np.ptp(np.interp(strip.ends, rows, np.cumsum(areas) - 0.5 * areas)))
+        ratio = float(areas[inside].sum()) / exact
+        notes.append(f"its points stand for {100 * ratio:.3g} % of its area")
+        few = few or abs(ratio - 1) > LARGEST_ERROR
+    if few:
+        notes.append("reduce mesh.element_size; use rectangle for a profile, with its edges on edges of elements")
+    return Row(quantity, f"{number} points across", "", "; ".join(notes), "warning" if few else "ok")
+
+
+def _area_in_plane(face: Interface) -> np.ndarray:
+    """Return the area of the points in the plane of both positions [m2], which a rough surface exceeds, shape (n,)."""
+    points, places = (values - values.mean(axis=0) for values in (face.points, face.locations))
+    axes = np.linalg.lstsq(points, places, rcond=FLAT)[0]
+    return np.asarray(face.area * np.abs(face.frame[:, 0] @ np.cross(*axes.T)))
+
+
 def _row(
     quantity: str, face: Interface, share: Callable[[np.ndarray], np.ndarray], ends: np.ndarray, rim: float
 ) -> Row:  # fmt: skip
     """Return the row of one patch.
 
-    Its area on the mesh is the sum of the areas of its points. It is compared with the area of the patch where the
-    points surround the patch: beyond the outermost ones the rim of the surface takes part of it.
+    Its area on the mesh is the sum of the areas of its points, in the plane of the positions. It is compared with the
+    area of the patch where the points surround the patch: beyond the outermost ones the rim of the surface takes part
+    of it.
 
     Parameters
     ----------
@@ -78,7 +118,7 @@ def _row(
         middles = [first + (np.arange(SAMPLES) + 0.5) / SAMPLES * (last - first) for first, last in outer]
         samples = np.stack([each.ravel() for each in np.meshgrid(*middles)], axis=1)
         exact = float(np.mean(share(samples)) * np.prod(outer[:, 1] - outer[:, 0]))
-        ratio = float(face.area @ at_points) / exact
+        ratio = float(_area_in_plane(face) @ at_points) / exact
         notes.append(f"these stand for {100 * ratio:.3g} % of its area")
         few = few or abs(ratio - 1) > LARGEST_ERROR
     if few:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.nucleation import Nucleation
-from ruptfx.profiles._places import Center, HalfWidth, distance
+from ruptfx.profiles._places import Center, SmoothHalfWidth, distance
 from ruptfx.units import Duration, Stress
 
 
@@ -20,7 +20,7 @@ class SmoothPatch(Nucleation):
     """Final added shear traction at the center."""
     center: Center
     """Middle of the patch."""
-    radius: HalfWidth
+    radius: SmoothHalfWidth
     """Radius of the patch."""
     rise: Duration
     """Time in which it is added."""

@@ -43,6 +43,8 @@ class Profile(Alternative):
     """True if `__call__` takes points of the bodies, shape (n, dimensions), and interfaces have no such values."""
     radial: ClassVar[bool] = False
     """True if values depend on the distance from `center` only, which may then be a point of a surface."""
+    down_dip: ClassVar[bool] = False
+    """True if the profiles inside of this one vary down the dip of a surface."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:

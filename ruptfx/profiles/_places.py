@@ -36,6 +36,10 @@ class _Reach:
     """Mark of fields with the half-width of a patch."""
 
 
+class _Smooth:
+    """Mark of fields with the half-width of a patch whose values change smoothly, without an edge."""
+
+
 def _tag(value: object) -> str:
     return "<place>" if isinstance(value, dict | Place) else "<number>"
 
@@ -44,12 +48,14 @@ if TYPE_CHECKING:
     Position = float
     Center = Any
     HalfWidth = float
+    SmoothHalfWidth = float
 else:
     Position = Annotated[float, Unit("m"), _Along()]
     Center = Annotated[
         Annotated[float, Tag("<number>")] | Annotated[Place, Tag("<place>")], Discriminator(_tag), Unit("m"), _Along(),
     ]  # fmt: skip
     HalfWidth = Annotated[float, Field(gt=0), Unit("m"), _Reach()]
+    SmoothHalfWidth = Annotated[float, Field(gt=0), Unit("m"), _Reach(), _Smooth()]
 
 
 AnyPart = TypeVar("AnyPart", bound=Part)
@@ -131,28 +137,42 @@ class Patch:
         First and last position [m]; one value for a single position.
     center : ndarray, shape (2,), or None
         Center that is a point of a surface; without it the patch is a strip across the surface.
+    down_dip : bool
+        True if the positions are distances down the dip of a surface.
+    has_reach : bool
+        True if the ends are a center minus and plus a half-width.
+    has_edge : bool
+        True if the values jump at the ends.
     """
 
     key: str
     kind: str
     ends: list[float]
     center: np.ndarray | None = None
+    down_dip: bool = False
+    has_reach: bool = False
+    has_edge: bool = False
 
 
 def patches(part: Part, key: str) -> Iterator[Patch]:
     """Yield all parts with a center or with positions; points must have been replaced (`located`)."""
+    inside_down_dip: list[str] = []
     for where, item in parts(part, key):
+        if getattr(item, "down_dip", False):
+            inside_down_dip.append(f"{where}.")
+        down_dip = where.startswith(tuple(inside_down_dip))
         found = {mark: [getattr(item, name) for name in type(item).model_fields if has_mark(type(item), name, mark)]
-                 for mark in (_Along, _Reach)}  # fmt: skip
+                 for mark in (_Along, _Reach, _Smooth)}  # fmt: skip
         kind = item.kind() if isinstance(item, Alternative) else ""
         for value in found[_Along]:
             if isinstance(value, list):
-                yield Patch(where, kind, [value[0], value[-1]])
+                yield Patch(where, kind, [value[0], value[-1]], down_dip=down_dip)
             else:
                 center = np.asarray(value) if np.ndim(value) else None
                 value = float(np.ravel(value)[0])  # of a point on a surface: along strike
                 reach = found[_Reach][0] if found[_Reach] else 0.0
-                yield Patch(where, kind, [value - reach, value + reach] if reach else [value], center)
+                ends = [value - reach, value + reach] if reach else [value]
+                yield Patch(where, kind, ends, center, down_dip, reach > 0, reach > 0 and not found[_Smooth])
 
 
 def shifted(given: list[tuple[str, list[float]]], shift: float) -> str:

@@ -17,6 +17,7 @@ class AlongDip(Profile):
     """
 
     over_surface: ClassVar[bool] = True
+    down_dip: ClassVar[bool] = True
     example: ClassVar[str] = (
         '{ kind = "along_dip", profile = { kind = "table", positions = [-1.0, 1.0], values = [1.0, 3.0] } }'
     )

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from ruptfx.profiles import Profile, Value
-from ruptfx.profiles._places import Center, HalfWidth
+from ruptfx.profiles._places import Center, SmoothHalfWidth
 
 
 class Gaussian(Profile):
@@ -21,7 +21,7 @@ class Gaussian(Profile):
     """Height of the bell."""
     center: Center
     """Position of the maximum."""
-    width: HalfWidth
+    width: SmoothHalfWidth
     """Standard deviation."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:

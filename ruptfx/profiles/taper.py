@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from ruptfx.profiles import PositiveMetre, Profile, Value
-from ruptfx.profiles._places import Center, HalfWidth
+from ruptfx.profiles._places import Center, SmoothHalfWidth
 
 
 class Taper(Profile):
@@ -27,7 +27,7 @@ class Taper(Profile):
     """Value beyond half_width + width."""
     center: Center
     """Middle of the profile."""
-    half_width: HalfWidth
+    half_width: SmoothHalfWidth
     """Distance at which the step begins."""
     width: PositiveMetre
     """Length of the step."""

@@ -377,6 +377,11 @@ def test_notes_of_check_have_readable_units() -> None:
     assert readable(note) == expected
 
 
+def test_ranges_in_notes_of_check_have_one_unit() -> None:
+    note = "at all positions -2723.61 to 2723.61 m: from 0 to 0.5 s, 3 m to 4000 m"
+    assert readable(note) == "at all positions -2.724 to 2.724 km: from 0 to 500 ms, 3 m to 4 km"
+
+
 def test_paragraphs_of_the_help_are_broken_by_the_terminal_alone() -> None:
     shown = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["export", "--help"]).output
     lines = [line.strip() for line in shown.splitlines()]

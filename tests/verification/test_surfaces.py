@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from pathlib import Path
 from typing import Any
 
@@ -242,6 +243,64 @@ def test_check_warns_of_patches_that_the_mesh_does_not_resolve() -> None:
     assert both.verdict == "warning" and f"{(700 / 7.2) ** 2 / 100:.3g} % of its area" in both.note
     narrow = row([-0.25e-3, 0.25e-3], [1e-3, 5e-3])
     assert (narrow.value, narrow.verdict) == ("1 x 9 points", "warning") and "reduce mesh.element_size" in narrow.note
+
+
+@pytest.mark.parametrize("down_dip", [False, True])
+def test_check_counts_the_points_of_a_strip(down_dip: bool) -> None:
+    """Nodes every 0.5 mm, with 1/3 mm at ends of elements and 2/3 mm in their middles.
+
+    The edge of a boxcar belongs to it: 7 points from -1.5 to 1.5 mm stand for 11/3 mm, and from -3 to 3 mm for 19/3 mm.
+    """
+    from ruptfx.checks.preflight import preflight
+
+    def row(width: float, kind: str = "boxcar") -> Any:
+        shape = {"boxcar": {"half_width": width}, "gaussian": {"width": width}}[kind]
+        bell, box = {"amplitude": 0.9e6, "background": 2.8e6}, {"inside": 3.7e6, "outside": 2.8e6}
+        values = bell if kind == "gaussian" else box
+        strip = {"kind": kind, **values, "center": 4e-3 if down_dip else 0.0, **shape}
+        shear = {"kind": "along_dip", "profile": strip} if down_dip else strip
+        rows = preflight(parse_case(strike_slip({"faults.main.initial_stress.shear": shear})))
+        key = "initial_stress.shear.profile" if down_dip else "initial_stress.shear"
+        return next(row for row in rows if row.quantity == f"faults.main: {key}, strip")
+
+    direction = "down dip" if down_dip else "along strike"
+    good = row(2.75e-3)
+    assert (good.value, good.verdict) == ("11 points across", "ok") and direction in good.note
+    assert f"{100 * (17 / 3) / 5.5:.3g} % of its area" in good.note
+    wide = row(3e-3)
+    assert (wide.value, wide.verdict) == ("13 points across", "warning")
+    assert f"{100 * (19 / 3) / 6:.3g} % of its area" in wide.note and "use rectangle" in wide.note
+    narrow = row(0.2e-3)
+    assert (narrow.value, narrow.verdict) == ("1 points across", "warning")
+    smooth = row(3e-3, "gaussian")  # has no edge
+    assert (smooth.value, smooth.verdict) == ("13 points across", "ok") and "area" not in smooth.note
+
+
+def test_a_strip_without_a_point_of_the_surface_is_refused() -> None:
+    def refused(changes: dict[str, Any], *words: str) -> None:
+        with pytest.raises(CaseError, match=facts(*words)):
+            Model(parse_case(strike_slip(changes)))
+
+    boxcar = {"kind": "boxcar", "inside": 3.7e6, "outside": 2.8e6, "half_width": 0.05e-3, "center": 4.2e-3}
+    down = {"kind": "along_dip", "profile": boxcar}
+    refused({"faults.main.initial_stress.shear": boxcar}, r"stress\.shear: no point .*boxcar.*along strike")
+    refused({"faults.main.initial_stress.shear": down}, r"shear\.profile: no point.*0.00415 to 0.00425 m down dip")
+    drop = {"kind": "friction_drop", "center": 20e-3, "half_width": 1e-3}
+    refused({"faults.main.nucleation": [drop]}, r"nucleation\.0: no point .*friction_drop from 0.019 to 0.021 m")
+
+
+def test_the_area_of_a_patch_is_that_in_the_plane_of_a_rough_fault() -> None:
+    """Slopes of 0.4 (RMS) add 8 % to the area of the surface; that in the plane follows from normals at nodes."""
+    from ruptfx.checks.preflight import preflight
+
+    wave = {"kind": "sinusoid", "mean": 0.0, "amplitude": 0.55e-3, "wavelength": 6e-3}
+    shear = {"kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": [-3e-3, 3e-3], "dip": [1e-3, 5e-3]}
+    case = parse_case(strike_slip({"faults.main.initial_stress.shear": shear, "mesh.height": wave}))
+    face = Model(case).faults[0].interface
+    assert face.area.sum() > 1.05 * 11e-3 * 7.5e-3  # without half a spacing at the rim
+    row = next(row for row in preflight(case) if row.quantity.endswith("rectangle"))
+    share = re.search(r"stand for ([\d.]+) % of its area", row.note)
+    assert row.verdict == "ok" and share and abs(float(share[1]) - 100) <= 1, row
 
 
 def test_check_counts_the_points_of_a_disc() -> None:
