@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 Floats = NDArray[np.float64]
+INSTANTS = ("begin", "end")
+"""Times of a nucleation, which are no unknowns: with its begin its end moves, too."""
 STIFFNESS = "Pa/m"
 """Unit of the constants of contact methods by which a run is differentiated."""
 
@@ -137,7 +139,7 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
     for weakening in reversed(wrapped):  # the last one is outside
         index = fault.nucleation.index(weakening)
         for name in type(law).model_fields:
-            if name in type(weakening).model_fields and name in _numbers(law):
+            if name in type(weakening).model_fields and name in _numbers(law) and name not in INSTANTS:
                 place = f"{key}.nucleation.{index}.{name}"
                 yield Place(place, unit_of(type(weakening), name), number, ((prefix + name, 1.0),))
         law, prefix = law.law, f"{prefix}law_"  # type: ignore[attr-defined]

@@ -13,6 +13,7 @@ from ruptfx.adjoint.gradients import Derivative, Objective, refuse
 from ruptfx.adjoint.sweeps import Told
 from ruptfx.adjoint.unknowns import Place, chosen, perturbed
 from ruptfx.case import Case
+from ruptfx.faults.projection import ProjectionError
 from ruptfx.inference.evaluations import Derivatives, Evaluation
 from ruptfx.inference.variables import Variable
 from ruptfx.instruments._readings import ModelReadings
@@ -137,16 +138,25 @@ class Evaluator:
             Called with the finished fraction and a text.
         """
         forward = 0.5 if derivatives == "gradient" else 1.0
-        made = Objective(
-            self.case, self._terms(z), self.comm, self._memory, lambda done, text: tell(forward * done, text),
-            self._changed(z), record=derivatives != "none",
-        )  # fmt: skip
+        try:
+            made = Objective(
+                self.case, self._terms(z), self.comm, self._memory, lambda done, text: tell(forward * done, text),
+                self._changed(z), record=derivatives != "none",
+            )  # fmt: skip
+        except ProjectionError as error:
+            if not np.any(z) or not np.all(np.isfinite(z)):
+                raise
+            raise RuptfxError(
+                f"{error}; the search has reached {self._told_values(z)}: give bounds without these values"
+            ) from None
         self._last = (z, made) if derivatives == "history" else None
         prior = 0.5 * float(np.sum(np.square(z[self.has_prior])))
         gradient = np.zeros(0)
         if derivatives == "gradient":
             backward = made.gradient(self.case.unknowns, lambda done, text: tell(forward + (1 - forward) * done, text))
-            of_misfit = self._pull(z, backward, first)
+            # Readings that fit the data exactly have a gradient of zero by all unknowns.
+            fits = made.value == 0 and any(np.any(sample.values) for _, sample in made.samples)
+            of_misfit = self._pull(z, backward, first and not fits)
             gradient = of_misfit + np.where(self.has_prior, z, 0.0)
         readings = np.concatenate([sample.values for _, sample in made.samples])
         residuals = made.residuals()
@@ -154,6 +164,15 @@ class Evaluator:
             raise RuptfxError("infer: misfit or gradient are not finite; give bounds to the unknowns")
         of_terms = np.zeros(0) if residuals is None else residuals[0]
         return Evaluation(z, made.value, prior, gradient, readings, of_terms, np.zeros((0, 0)))
+
+    def _told_values(self, z: Floats) -> str:
+        """Return the range of each unknown for messages."""
+        found = []
+        for each, part in self.split(z):
+            values = each.values(part)
+            low, high, unit = values.min(), values.max(), f" {each.place.unit}" if each.place.unit != "1" else ""
+            found.append(f"{each.unknown.key} = {low:g}{'' if low == high else f' to {high:g}'}{unit}")
+        return ", ".join(found)
 
     def jacobian(self, z: Floats, first: bool = False, tell: Told = lambda done, text: None) -> Floats:
         """Return the derivative of the residuals, by a tangent-linear sweep for each variable; collective."""
@@ -222,19 +241,37 @@ class Evaluator:
             values = each.values(part)
             uniform = each.unknown.shape == "number" and float(np.ptp(each.start)) == 0
             order = np.argsort(each.position)
-            new = float(values[0]) if uniform else {
-                "kind": "table", "positions": each.position[order].tolist(), "values": values[order].tolist(),
-                "extend": True,
-            }  # fmt: skip
+            if uniform:
+                new: object = float(values[0])
+            elif each.on_surface:
+                new = each.profile_on_surface(_at(case.table(), each.unknown.key), values)
+            else:
+                new = {
+                    "kind": "table", "positions": each.position[order].tolist(), "values": values[order].tolist(),
+                    "extend": True,
+                }  # fmt: skip
             try:
                 case = case.changed(each.unknown.key, new)
             except CaseError as error:
                 if not np.any(z):
-                    raise
+                    if uniform:
+                        raise
+                    number = self.variables.index(each)
+                    raise CaseError(
+                        f"unknowns.{number}.shape = '{each.unknown.shape}': '{each.unknown.key}' takes no profile "
+                        f"({error}); use shape = 'number'"
+                    ) from None
                 raise CaseError(
                     f"{error}; the search has reached this value: give '{each.unknown.key}' bounds without it"
                 ) from None
         return case
+
+
+def _at(table: object, key: str) -> object:
+    """Return the entry of a table at a dotted key."""
+    for name in key.split("."):
+        table = table[int(name)] if isinstance(table, list) else table[name]  # type: ignore[index]
+    return table
 
 
 def _refuse_unfelt(variable: Variable) -> None:

@@ -187,6 +187,16 @@ def test_gradients_by_nucleations_equal_central_differences() -> None:
         assert slope == pytest.approx(0.5 * (values[0] - values[1]), rel=1e-5), key
 
 
+def test_times_of_a_nucleation_are_no_unknowns() -> None:
+    """The end of a normal stress drop is its begin plus its duration, and moves with it."""
+    drop = {"kind": "normal_stress_drop", "center": 16e-3, "half_width": 3e-3, "drop": 3e6, "duration": 4e-6,
+            "rise": 1e-6}  # fmt: skip
+    case = parse_case(slip_weakening({**RUPTURE, "faults.main.nucleation": [drop]}))
+    known = places(Model(case).in_steps("explicit"))
+    assert "faults.main.nucleation.0.rise" in known
+    assert not {"faults.main.nucleation.0.begin", "faults.main.nucleation.0.end"} & known.keys()
+
+
 def test_remainders_of_a_rupture_without_kinks_are_of_second_order() -> None:
     made = bench.Remainders(fem.MPI.COMM_SELF, ["density", "c_s"])
     assert made.least_order > 1.95

@@ -22,7 +22,7 @@ import pytest
 import tomli_w
 import xarray
 from helpers.messages import facts
-from helpers.small_cases import merged, slip_weakening
+from helpers.small_cases import merged, slip_weakening, strike_slip
 
 from ruptfx.case import Case, parse_case, read_case
 from ruptfx.schema import CaseError
@@ -34,6 +34,7 @@ from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.unknowns import chosen
 from ruptfx.inference import inversion, posterior, searches
 from ruptfx.inference.evaluations import Evaluation, load_one
+from ruptfx.inference.evaluator import Evaluator
 from ruptfx.inference.result import Result
 from ruptfx.inference.variables import Variable
 from ruptfx.misfits import Unknown
@@ -592,6 +593,48 @@ def test_an_unknown_that_the_data_do_not_feel_is_named(tmp_path: Path) -> None:
     case = with_unknowns(table, {"key": "faults.main.friction.c", "shape": "number"})
     with pytest.raises(RuptfxError, match=facts(r"does not depend on 'faults\.main\.friction\.c'")):
         infer(case, tmp_path / "out", progress=False)
+
+
+def test_the_best_case_of_a_number_on_a_surface() -> None:
+    """A stress that varies over the surface, to which a number is added, or by which it is multiplied."""
+    final = [{"kind": "final_slip", "sigma": 1e-6}]
+    for scale, sigma in (("linear", 1e4), ("log", 0.01)):
+        number = {"key": SHEAR, "shape": "number", "scale": scale, "sigma": sigma}
+        case = parse_case(strike_slip({"duration": 1e-6, "objective": final, "unknowns": [number]}))
+        made = Evaluator(case, fem.MPI.COMM_SELF, 1e9)
+        changed = made.evaluate(z := np.array([1.5]), "none")
+        best = parse_case(made.case_with(z).table())
+        assert Objective(best, best.objective, record=False).value == pytest.approx(changed.misfit, rel=1e-12)
+        assert changed.misfit != pytest.approx(made.evaluate(np.zeros(1), "none").misfit, rel=1e-4)
+
+
+def test_data_that_the_case_fits_exactly_end_the_search(tmp_path: Path) -> None:
+    """The gradient is zero there, and the unknown is felt."""
+    number = {"key": "faults.main.friction.D_c", "shape": "number", "scale": "log", "bounds": [1e-7, 1e-4]}
+    receiver = {"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 16e-3}
+    table = slip_weakening({"duration": 2e-6, "instruments": [receiver], "objective": [TRACE], "unknowns": [number]})
+    case = parse_case(table)
+    ((_, sample),) = Objective(case, case.objective, record=False).samples
+    case = parse_case(merged(table, {"objective": [{**TRACE, "data": {"slip": sample.values.tolist()}}]}))
+    made = infer(case, tmp_path / "out", progress=False)
+    assert made.best.misfit == 0 and made.unknowns[0].best[0] == pytest.approx(5e-6, rel=1e-12)
+
+
+def test_a_run_that_fails_names_the_values_that_the_search_has_reached() -> None:
+    number = {"key": "faults.main.friction.mu_d", "shape": "number", "bounds": [-3.0, 0.5]}
+    case = parse_case(slip_weakening({"objective": [{"kind": "final_slip", "sigma": 1e-6}], "unknowns": [number]}))
+    made = Evaluator(case, fem.MPI.COMM_SELF, 1e9)
+    with pytest.raises(RuptfxError, match=facts(r"reached faults\.main\.friction\.mu_d = -2\.9: give bounds")):
+        made.evaluate(made.bounds[0, :1] * 3.2 / 3.3, "none")
+
+
+def test_a_field_of_a_key_that_takes_one_number_is_refused() -> None:
+    nucleation = [{"kind": "friction_drop", "mu_d": 0.1, "center": 16e-3, "half_width": 3e-3}]
+    unknown = {"key": "faults.main.nucleation.0.mu_d", "sigma": 0.1, "correlation_length": 1e-3}
+    final = [{"kind": "final_slip", "sigma": 1e-6}]
+    case = parse_case(slip_weakening({"objective": final, "unknowns": [unknown], "faults.main.nucleation": nucleation}))
+    with pytest.raises(CaseError, match=facts(r"unknowns\.0\.shape = 'field': .*use shape = 'number'")):
+        Evaluator(case, fem.MPI.COMM_SELF, 1e9)
 
 
 def test_the_command_goes_on(tmp_path: Path) -> None:
