@@ -78,8 +78,9 @@ def _draw_field(ax: Axes, each: Recovered) -> None:
     along, unit = scale(each.position, "m")
     size, of = scale(each.best, each.unit) if known_unit(each.unit) else (1.0, each.unit)
     x = each.position[order] / along
-    ax.fill_between(x, each.band[0][order] / size, each.band[1][order] / size, color=ACCENT, alpha=0.25, lw=0,
-                    label="prior")  # fmt: skip
+    if np.any(np.ptp(each.band, axis=0)):  # knots may have no prior
+        ax.fill_between(x, each.band[0][order] / size, each.band[1][order] / size, color=ACCENT, alpha=0.25, lw=0,
+                        label="prior")  # fmt: skip
     if each.interval is not None:
         ax.fill_between(x, each.interval[0][order] / size, each.interval[1][order] / size, color=STICK_SLIP, alpha=0.3,
                         lw=0, label="68 %")  # fmt: skip

@@ -35,7 +35,8 @@ from ruptfx.adjoint.unknowns import chosen
 from ruptfx.inference import inversion, posterior, searches
 from ruptfx.inference.evaluations import Evaluation, load_one
 from ruptfx.inference.evaluator import Evaluator
-from ruptfx.inference.result import Result
+from ruptfx.inference.figure import _draw_field
+from ruptfx.inference.result import Recovered, Result
 from ruptfx.inference.variables import Variable
 from ruptfx.misfits import Unknown
 from ruptfx.model import Model
@@ -593,6 +594,18 @@ def test_an_unknown_that_the_data_do_not_feel_is_named(tmp_path: Path) -> None:
     case = with_unknowns(table, {"key": "faults.main.friction.c", "shape": "number"})
     with pytest.raises(RuptfxError, match=facts(r"does not depend on 'faults\.main\.friction\.c'")):
         infer(case, tmp_path / "out", progress=False)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1e5])
+def test_the_figure_names_a_prior_only_where_there_is_one(sigma: float) -> None:
+    from matplotlib.figure import Figure
+
+    x, start = np.linspace(0.0, 1.0, 3), np.full(3, 3e6)
+    band = np.array([start - sigma, start + sigma])
+    ax = Figure().subplots()
+    _draw_field(ax, Recovered(SHEAR, "Pa", "knots", x, start, start, band, False, None))
+    names = [each.get_text() for each in ax.get_legend().get_texts()]
+    assert names == [*(["prior"] if sigma else []), "case", "recovered"]
 
 
 def test_the_best_case_of_a_number_on_a_surface() -> None:
