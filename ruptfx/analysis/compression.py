@@ -202,12 +202,19 @@ def _share(modes: Array, name: str) -> float:
 
 
 def _slowest(record: Files) -> float:
-    """Return the shear wave speed of the slowest body [m/s]."""
-    speeds = [
-        np.sqrt(each["young_modulus"] / (2 * (1 + each["poisson_ratio"]) * each["density"]))
-        for each in record.case["materials"].values()
-    ]
-    return float(min(speeds))
+    """Return the shear wave speed of the slowest body [m/s], of orthotropic ones along an axis in the plane.
+
+    Bodies whose material has neither Young's modulus and Poisson's ratio nor G_12 are not counted; infinite without
+    others, so that no events are linked.
+    """
+    speeds = []
+    for each in record.case["materials"].values():
+        modulus = each.get("G_12")
+        if "young_modulus" in each and "poisson_ratio" in each:
+            modulus = each["young_modulus"] / (2 * (1 + each["poisson_ratio"]))
+        if modulus is not None:
+            speeds.append(float(np.sqrt(modulus / each["density"])))
+    return min(speeds, default=float(np.inf))
 
 
 def fragments(record: Files) -> int | None:

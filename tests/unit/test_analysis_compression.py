@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,24 @@ def test_the_slowest_shear_wave(tmp_path: Path) -> None:
     """sqrt(E / (2 (1 + nu) rho)) = sqrt(50e9 / (2.5 x 2600)) = 2773.5 m/s."""
     with Record(write(tmp_path / "run")) as record:
         assert _slowest(record) == pytest.approx(2773.5009811261457, rel=1e-12)
+
+
+LAMINATE = {"kind": "orthotropic_elastic", "density": 1600.0, "E_1": 60e9, "E_2": 20e9, "nu_12": 0.3, "nu_23": 0.35,
+            "G_12": 8e9}  # fmt: skip
+
+
+@pytest.mark.parametrize("materials, speed", [
+    ({"default": LAMINATE}, 2236.0679774997896), ({"default": ROCK, "steel": LAMINATE}, 2236.0679774997896),
+    ({"default": {"kind": "of_a_plugin", "density": 1600.0}}, np.inf),
+])  # fmt: skip
+def test_the_slowest_shear_wave_of_other_materials(materials: Any, speed: float, tmp_path: Path) -> None:
+    """sqrt(G_12 / rho) = sqrt(8e9 / 1600) m/s; events of a run are summarised whatever its materials are."""
+    path = write(tmp_path / "run")
+    case = tomllib.loads((path / "case.toml").read_text())
+    (path / "case.toml").write_text(tomli_w.dumps({**case, "materials": materials}))
+    with Record(path) as record:
+        assert _slowest(record) == pytest.approx(speed, rel=1e-12)
+        assert summarise(record)["events"] == 0
 
 
 @pytest.mark.parametrize("later, clusters", [(0.99, 1), (1.01, 2)])
