@@ -209,7 +209,7 @@ class Attached(Mechanism):
         rows: dict[str, np.ndarray] = {}
         for field in fields:
             names = field.names(self.model.components)
-            rows |= dict(zip(names, values[field.name].reshape(len(self.at), -1).T, strict=True))
+            rows |= dict(zip(names, values[field.name].reshape(len(self.at), len(names)).T, strict=True))
         return parallel.gather_fields(self.model.comm, self._number, self.owned, rows)
 
 

@@ -112,6 +112,14 @@ def test_the_same_on_any_ranks(kind: str) -> None:
     agree_on_ranks(attached(kind), lambda motion, state: advance(motion, state, 6e-6), 1e-9)
 
 
+@every_attachment
+def test_some_ranks_have_no_node_of_a_short_edge(kind: str) -> None:
+    given = attached(kind, {"attachments": [{**example(kind), "edge": "upper.left"}]})
+    nodes = COMM.allgather(len(Model(given, COMM).attachments[0].at))
+    assert sum(nodes) and (COMM.size == 1 or 0 in nodes)
+    agree_on_ranks(given, lambda motion, state: advance(motion, state, 1e-6), 1e-9)
+
+
 def test_nodes_of_the_ground_fail_each_by_itself() -> None:
     """Damage, pulled off and sheared, does not depend on the nodes beside; without shear it is that of a linear law."""
     given, random = example("foundation"), np.random.default_rng(0)
