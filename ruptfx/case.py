@@ -568,10 +568,9 @@ class Case(CaseFile):
                 raise ValueError("collisions, plane = 'solid': in plane stress and strain only; remove [collisions]")
             return
         if self.collisions is not None and (self.fracture is None or not self.large_rotations):
-            raise ValueError(
-                "collisions: what moves far may turn and break; add the table [fracture], and large_rotations = "
-                "true before the first table"
-            )
+            remedies = ["the table [fracture]"] * (self.fracture is None)
+            remedies += ["large_rotations = true before the first table"] * (not self.large_rotations)
+            raise ValueError(f"collisions: what moves far may turn and break; add {', and '.join(remedies)}")
         if self.fracture is None:
             return
         if self.order != 1:

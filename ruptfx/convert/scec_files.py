@@ -239,5 +239,6 @@ def _write(record: Record, path: Path, entries: dict[str, str], columns: tuple[C
     lines += [f"# Column #{number} = {column.text}" for number, column in enumerate(columns, 1)]
     lines += ["# The line below lists the names of the data fields:", " ".join(column.field for column in columns)]
     formats = ["%21.13E", *["%15.7E"] * (len(columns) - 1)]
-    np.savetxt(path, rows, fmt=formats, header="\n".join(lines), comments="")
+    # Adding zero removes the sign of -0.0.
+    np.savetxt(path, rows + 0.0, fmt=formats, header="\n".join(lines), comments="")
     return path

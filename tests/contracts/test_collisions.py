@@ -42,6 +42,19 @@ def test_what_contact_loses_closes_the_budget() -> None:
     assert missing < 1e-12 and too < 1e-12
 
 
+@pytest.mark.parametrize("missing", [("fracture",), ("large_rotations",), ("fracture", "large_rotations")])
+def test_only_what_is_missing_is_to_be_added(missing: tuple[str, ...]) -> None:
+    bodies = {
+        name: {"kind": "rectangle", "center": [x, 0.0], "width": 2e-3, "height": 2e-3}
+        for name, x in (("a", 0.0), ("b", 3e-3))
+    }
+    given = pair(bodies, 0.3, 5e-6, {}).table()
+    with pytest.raises(CaseError) as refused:
+        parse_case({key: value for key, value in given.items() if key not in missing})
+    remedy = str(refused.value).split("; add ")[1]
+    assert ("[fracture]" in remedy, "large_rotations" in remedy) == ("fracture" in missing, "large_rotations" in missing)
+
+
 @pytest.mark.parametrize("speed", [5.0, 15.0])
 def test_a_block_slides_with_the_steady_strength_of_rate_and_state(speed: float) -> None:
     """f_0 + (a - b) ln(V / V_0) times the load, while cells meet others; damped, as contact vibrates."""

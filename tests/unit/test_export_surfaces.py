@@ -130,6 +130,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_scec_files_are_the_record(run: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["export", str(run), "--format", "scec", "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
+    assert not any(" -0.0000000E+00" in file.read_text() for file in tmp_path.iterdir())
     with Record(run) as record:
         fault, far, near = (record.instruments[name] for name in ("fault", "far", "near"))
         data = record.interface
