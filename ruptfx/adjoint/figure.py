@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @styled
 def draw(found: xarray.Dataset) -> Figure:
-    """Return the figure: derivative per length of the interface by each unknown field, over the position.
+    """Return the figure: derivative per length of the interface by each unknown field, or by knots, over the position.
 
     Parameters
     ----------
@@ -27,14 +27,21 @@ def draw(found: xarray.Dataset) -> Figure:
     figure, axes = new_figure(max(len(fields), 1), 1, 1.5 * max(len(fields), 1) + 0.6, sharex=True)
     for ax, name in zip(axes[:, 0], fields, strict=False):
         values = found[name]
+        ax.set_title(f"{name}", loc="left", fontsize="small")
+        ax.axhline(0.0, color="0.7", lw=0.6)
+        if not str(values.dims[0]).startswith("point_"):
+            position = found[values.dims[0]].values
+            size, unit = scale(position, "m")
+            ax.plot(position / size, values.values, "o-", ms=3, lw=1.0)
+            ax.set_ylabel(f"per knot\n({values.attrs['units']})")
+            ax.set_xlabel(f"Position ({unit})" if ax is axes[len(fields) - 1, 0] else "")
+            continue
         fault = str(values.dims[0]).removeprefix("point_")
         weight_unit = found[f"weight_{fault}"].attrs["units"]
         position, weight = found[f"position_{fault}"].values, found[f"weight_{fault}"].values
         size, unit = scale(position, "m")
         density = values.values / weight
-        ax.axhline(0.0, color="0.7", lw=0.6)
         ax.plot(position / size, density, lw=1.0)
-        ax.set_title(f"{name}", loc="left", fontsize="small")
         ax.set_ylabel(f"per {'length' if weight_unit == 'm' else 'area'}\n({_per(values.attrs['units'], weight_unit)})")
         ax.set_xlabel(f"Position ({unit})" if ax is axes[len(fields) - 1, 0] else "")
     if not fields:

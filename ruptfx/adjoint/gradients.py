@@ -17,7 +17,7 @@ from ruptfx.adjoint.comparison import SIZE, Comparison
 from ruptfx.adjoint.differences import check_use, runs_at_once
 from ruptfx.adjoint.history import LARGEST
 from ruptfx.adjoint.sweeps import Sweeps, Told
-from ruptfx.adjoint.unknowns import Place, chosen, perturbed
+from ruptfx.adjoint.unknowns import Place, chosen, hats, perturbed, whole
 from ruptfx.case import Case
 from ruptfx.instruments._readings import ModelReadings
 from ruptfx.misfits import Misfit, Request, Trace, Unknown
@@ -219,10 +219,7 @@ class Objective:
         return self._derivatives(np.split(factors, ends), unknowns, tell)
 
     def _whole(self, number: int, values: Floats) -> Floats:
-        face = self.sweeps.points[number].fault.interface
-        whole = np.zeros(face.total)
-        whole[face.number[face.owned]] = values[face.owned]
-        return parallel.total(self.sweeps.model.comm, whole)
+        return whole(self.sweeps.model, self.sweeps.points[number].fault.interface, values)
 
     def dataset(self, derivatives: Sequence[Derivative]) -> xarray.Dataset:
         """Return value and derivatives with positions and units; collective."""
@@ -244,13 +241,23 @@ class Objective:
             data[f"weight_{fault.name}"] = (
                 dim, self._whole(number, face.weight), {"units": area, "long_name": "tributary length or area"}
             )
-        for each in derivatives:
+        for index, each in enumerate(derivatives):
             by = f"({each.place.unit})" if set(each.place.unit) & set("/ ") else each.place.unit
             unit = f"{self.unit}/{by}" if by != "1" else self.unit
             about = {"units": unit, "unknown": each.unknown.key, "uniform_change": float(each.values.sum())}
             if each.unknown.shape == "number" or not each.place.of_points:
                 data[each.unknown.key] = ((), float(each.values.sum()), {
                     **about, "long_name": f"derivative by {each.unknown.key}, a number",
+                })  # fmt: skip
+            elif each.unknown.shape == "knots":
+                face = self.sweeps.points[each.place.fault].fault.interface
+                of_knots = hats(each.unknown, face, self._whole(each.place.fault, face.position), f"unknowns.{index}")
+                dim = f"knot_{index}"
+                coordinates[dim] = (
+                    dim, np.array(each.unknown.knots), {"units": "m", "long_name": f"knots of {each.unknown.key}"}
+                )
+                data[each.unknown.key] = (dim, of_knots.T @ each.values, {
+                    **about, "long_name": f"derivative by {each.unknown.key} at each knot",
                 })  # fmt: skip
             else:
                 name = self.sweeps.points[each.place.fault].fault.name
@@ -294,11 +301,11 @@ def gradient(
     Returns
     -------
     xarray.Dataset
-        `objective`; for each unknown a variable of the name of its key: the derivative by the value at each point, or
-        by a number. Attribute `uniform_change` is the derivative by a change that is the same at all points. Divide by
-        `weight_FAULT` for the sensitivity per length, which does not depend on the mesh. The dataset's attributes
-        `memory` [bytes], `checkpoints`, `forward_runs` and `history` say what the gradient took: `forward_runs` counts
-        the steps forward over those of the run.
+        `objective`; for each unknown a variable of the name of its key: the derivative by the value at each
+        point, by a number, or by the number at each knot. Attribute `uniform_change` is the derivative by a
+        change that is the same at all points. Divide by `weight_FAULT` for the sensitivity per length, which
+        does not depend on the mesh. The dataset's attributes `memory` [bytes], `checkpoints`, `forward_runs`
+        and `history` say what the gradient took: `forward_runs` counts the steps forward over those of the run.
 
     Raises
     ------

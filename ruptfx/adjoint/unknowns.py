@@ -16,10 +16,12 @@ from ruptfx.friction import FrictionLaw
 from ruptfx.mechanisms import mechanisms_of
 from ruptfx.misfits import Misfit, Unknown
 from ruptfx.nucleation import Nucleation
+from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, nearest, unit_of
 
 if TYPE_CHECKING:
+    from ruptfx.faults.interface import Interface
     from ruptfx.model import Model
 
 Floats = NDArray[np.float64]
@@ -98,7 +100,8 @@ def chosen(
     Raises
     ------
     CaseError
-        A key that is no unknown of the case, or given twice; knots of a single number.
+        A key that is no unknown of the case, or given twice; knots of a single number, on a surface, or on which no
+        point depends.
     """
     known = places(model)
     given = list(unknowns) or [Unknown(key=key) for key in known]
@@ -111,7 +114,56 @@ def chosen(
             raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
         if not known[each.key].of_points and each.shape == "knots":
             raise CaseError(f"unknowns.{number}.shape = 'knots': '{each.key}' is one number; use shape = 'number'")
+        if each.shape == "knots":
+            face = model.faults[known[each.key].fault].interface
+            hats(each, face, whole(model, face, face.position), f"unknowns.{number}")
     return [(each, known[each.key]) for each in given]
+
+
+def whole(model: Model, face: Interface, values: Floats) -> Floats:
+    """Return values at all points of an interface in their order, from those of every rank; collective."""
+    found = np.zeros(face.total)
+    found[face.number[face.owned]] = values[face.owned]
+    return parallel.total(model.comm, found)
+
+
+def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Floats:
+    """Return the linear interpolation from knots to points, constant outside.
+
+    Parameters
+    ----------
+    unknown : Unknown
+    face : Interface
+    position : ndarray, shape (n,)
+        All points of the interface [m].
+    key : str
+        Of the unknown, for messages.
+
+    Returns
+    -------
+    ndarray, shape (n, knots)
+
+    Raises
+    ------
+    CaseError
+        Knots on a surface, outside of the interface, or on which no point depends.
+    """
+    assert unknown.knots is not None
+    knots = np.array(unknown.knots)
+    if face.across is not None:
+        raise CaseError(f"{key}.shape = 'knots': knots are along lines, and this is a surface; use 'number'")
+    if knots.max() < position.min() or knots.min() > position.max():
+        raise CaseError(
+            f"{key}.knots = {unknown.knots}: the interface lies from {position.min():g} m to "
+            f"{position.max():g} m; place knots there"
+        )
+    found = np.array([np.interp(position, knots, row) for row in np.eye(len(knots))]).T
+    empty = ~found.any(axis=0)
+    if empty.any():
+        raise CaseError(
+            f"{key}.knots: no point of the interface depends on that at {knots[np.argmax(empty)]:g} m; remove it"
+        )
+    return found
 
 
 def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:

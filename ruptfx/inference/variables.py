@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 from scipy.special import expit, logit
 
+from ruptfx.adjoint.unknowns import hats, whole
 from ruptfx.friction import FrictionLaw
 from ruptfx.misfits import Unknown
-from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError
 
@@ -32,13 +32,6 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 Floats = NDArray[np.float64]
-
-
-def whole(model: Model, face: Interface, values: Floats) -> Floats:
-    """Return values at all points of an interface in their order, from those of every rank; collective."""
-    found = np.zeros(face.total)
-    found[face.number[face.owned]] = values[face.owned]
-    return parallel.total(model.comm, found)
 
 
 def values_of_case(model: Model, place: Place) -> Floats:
@@ -127,7 +120,8 @@ class Variable:
         if unknown.shape == "field":
             self._begin_field(face, key)
         else:
-            self._basis = np.ones((len(self.start), 1)) if unknown.shape == "number" else self._hats(face, key)
+            number = unknown.shape == "number"
+            self._basis = np.ones((len(self.start), 1)) if number else hats(unknown, face, self.position, key)
             self._begin_numbers()
 
     def _t(self, values: Floats) -> Floats:
@@ -141,24 +135,6 @@ class Variable:
             width = 1.0 if self.unknown.scale == "log" else 0.1 * float(np.abs(self.start).max()) or 1.0
         self._sigma = self.unknown.sigma or width
         self.box = low / self._sigma, high / self._sigma
-
-    def _hats(self, face: Interface, key: str) -> Floats:
-        """Return the linear interpolation from the knots to the points, shape (n, knots); constant outside."""
-        knots, position = np.array(self.unknown.knots), self.position
-        if face.across is not None:
-            raise CaseError(f"{key}.shape = 'knots': knots are along lines, and this is a surface; use 'number'")
-        if knots.max() < position.min() or knots.min() > position.max():
-            raise CaseError(
-                f"{key}.knots = {self.unknown.knots}: the interface lies from {position.min():g} m to "
-                f"{position.max():g} m; place knots there"
-            )
-        found = np.array([np.interp(position, knots, row) for row in np.eye(len(knots))]).T
-        empty = ~found.any(axis=0)
-        if empty.any():
-            raise CaseError(
-                f"{key}.knots: no point of the interface depends on that at {knots[np.argmax(empty)]:g} m; remove it"
-            )
-        return found
 
     def _begin_field(self, face: Interface, key: str) -> None:
         unknown = self.unknown

@@ -25,6 +25,7 @@ from benchmarks.time_order import CONTACTS, LAWS
 from ruptfx import RuptfxError, fem, gradient
 from ruptfx.adjoint.bodies import value_of
 from ruptfx.adjoint.checkpoints import passed, schedule, split
+from ruptfx.adjoint.figure import draw
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.sweeps import Sweeps
 from ruptfx.adjoint.unknowns import perturbed, places
@@ -373,6 +374,8 @@ def test_data_outside_of_the_run_are_refused_with_their_number(shift: float) -> 
     ({"objective": SLIP, "unknowns": [{"key": "materials.default.c_q"}]}, r"did you mean 'materials\.default\.c_"),
     ({"objective": SLIP, "unknowns": [{"key": "materials.default.c_p", "shape": "knots", "knots": [0.0, 1e-2]}]},
      "is one number"),
+    ({"objective": SLIP, "unknowns": [{"key": "faults.main.friction.mu_s", "shape": "knots", "knots": [8.0, 9.0]}]},
+     r"unknowns\.0\.knots = \[8\.0, 9\.0\]: the interface lies from .* place knots there"),
 ])  # fmt: skip
 def test_what_cannot_be_differentiated_is_refused_before_the_first_step(
     changes: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
@@ -497,6 +500,23 @@ def test_a_case_with_an_objective_refuses_what_has_no_adjoint(changes: dict[str,
     with pytest.raises(CaseError, match=f"{re.escape(key)}.*adjoint"):
         parse_case(table)
     parse_case(merged(table, {"objective": None}))
+
+
+def test_derivatives_by_knots_are_those_by_hats() -> None:
+    """The value at a knot changes the points around it in proportion to their distances from its neighbours."""
+    key, knots = "faults.main.initial_stress.shear", [4e-3, 9e-3, 20e-3]
+    case = parse_case(slip_weakening(RUPTURE))
+    field = gradient(case, unknowns=[key], progress=False)
+    found = gradient(case, unknowns=[Unknown(key=key, shape="knots", knots=knots)], progress=False)
+    by_points, by_knots = field[key], found[key]
+    x = field["position_main"].values
+    middle = np.interp(x, knots, [0.0, 1.0, 0.0])
+    assert by_knots.shape == (3,) and by_knots.attrs["units"] == by_points.attrs["units"]
+    np.testing.assert_array_equal(found[by_knots.dims[0]], knots)
+    assert float(by_knots[1]) == pytest.approx(float(by_points.values @ middle), rel=1e-13)
+    assert float(by_knots.sum()) == pytest.approx(by_points.attrs["uniform_change"], rel=1e-13)
+    figure = draw(found)
+    assert figure.axes[0].lines[-1].get_ydata() == pytest.approx(by_knots.values)
 
 
 def test_the_command_writes_data_and_a_figure(tmp_path: Path) -> None:
