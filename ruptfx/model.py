@@ -308,7 +308,11 @@ class Model(System):
                 )
 
     def _check_strips(self, name: str, face: Interface, fault: FaultCase) -> None:
-        """Refuse strips across a surface in which no point of it lies."""
+        """Refuse strips across a surface in which no point of it lies.
+
+        A profile whose strip is beyond the surface is not refused: it has its outer value there, and several
+        interfaces may have the same profile.
+        """
         if face.across is None:
             return
         for strip in patches(fault, f"faults.{name}"):
@@ -318,9 +322,11 @@ class Model(System):
             first, last = strip.ends
             slack = 1e-9 * (last - first)
             inside = (positions >= first - slack) & (positions <= last + slack)
-            if parallel.largest(self.comm, float(inside.any())) == 0:
-                lowest = -parallel.largest(self.comm, float((-positions).max(initial=-np.inf)))
-                highest = parallel.largest(self.comm, float(positions.max(initial=-np.inf)))
+            if parallel.anywhere(self.comm, bool(inside.any())):
+                continue
+            lowest = -parallel.largest(self.comm, float((-positions).max(initial=-np.inf)))
+            highest = parallel.largest(self.comm, float(positions.max(initial=-np.inf)))
+            if (lowest < last and first < highest) or ".nucleation." in strip.key:
                 raise CaseError(
                     f"{strip.key}: no point of the surface is in the {strip.kind} from {first:g} to {last:g} m "
                     f"{'down dip' if strip.down_dip else 'along strike'}; the points are from {lowest:g} to "

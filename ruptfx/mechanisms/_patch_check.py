@@ -73,7 +73,9 @@ def _strip_row(quantity: str, face: Interface, strip: Strip) -> Row:
         ratio = float(areas[inside].sum()) / exact
         notes.append(f"its points stand for {100 * ratio:.3g} % of its area")
         few = few or abs(ratio - 1) > LARGEST_ERROR
-    if few:
+    if last < rows[0] or rows[-1] < first:
+        notes.append("beyond the surface; move it there if it should act")
+    elif few:
         notes.append("reduce mesh.element_size; use rectangle for a profile, with its edges on edges of elements")
     return Row(quantity, f"{number} points across", "", "; ".join(notes), "warning" if few else "ok")
 

@@ -289,6 +289,16 @@ def test_a_strip_without_a_point_of_the_surface_is_refused() -> None:
     refused({"faults.main.nucleation": [drop]}, r"nucleation\.0: no point .*friction_drop from 0.019 to 0.021 m")
 
 
+def test_check_warns_of_a_profile_whose_strip_is_beyond_the_surface() -> None:
+    """It has its outer value; several interfaces may have the same profile."""
+    from ruptfx.checks.preflight import preflight
+
+    boxcar = {"kind": "boxcar", "inside": 3.7e6, "outside": 2.8e6, "half_width": 1e-3, "center": 20e-3}
+    rows = preflight(parse_case(strike_slip({"faults.main.initial_stress.shear": boxcar})))
+    row = next(row for row in rows if row.quantity.endswith("initial_stress.shear, strip"))
+    assert (row.value, row.verdict) == ("0 points across", "warning") and "beyond the surface" in row.note
+
+
 def test_the_area_of_a_patch_is_that_in_the_plane_of_a_rough_fault() -> None:
     """Slopes of 0.4 (RMS) add 8 % to the area of the surface; that in the plane follows from normals at nodes."""
     from ruptfx.checks.preflight import preflight
