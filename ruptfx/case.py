@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
@@ -42,6 +42,7 @@ from ruptfx.schema import (
     nearest,
     set_key,
     shown_key,
+    value_at,
 )
 from ruptfx.sliding import Sliding
 from ruptfx.steppers import AnyStepper
@@ -311,11 +312,7 @@ class Case(CaseFile):
         """Return a key with its kind or its number as text, as in a case file."""
         if key.startswith(support.PLANE):
             return f"plane = '{key.removeprefix(support.PLANE)}'"
-        value: object = self
-        for name in key.split("."):
-            value = value[int(name)] if isinstance(value, list) else (
-                value[name] if isinstance(value, Mapping) else getattr(value, name)
-            )  # fmt: skip
+        value = value_at(self, key)
         if isinstance(value, Alternative):
             return f"{key}.kind = '{value.kind()}'"
         return f"{key} = {value:g}" if isinstance(value, float) else key

@@ -142,6 +142,15 @@ def plain(value: object) -> object:
     return [plain(item) for item in value] if isinstance(value, list) else value
 
 
+def value_at(node: object, key: str) -> object:
+    """Return the value of a dotted key of tables, lists and parts."""
+    for name in key.split("."):
+        node = node[int(name)] if isinstance(node, list) else (
+            node[name] if isinstance(node, Mapping) else getattr(node, name)
+        )  # fmt: skip
+    return node
+
+
 def set_key(table: Table, key: str, value: object) -> None:
     """Set the value of one dotted key in place; list entries are addressed by number.
 

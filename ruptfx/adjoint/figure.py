@@ -29,20 +29,17 @@ def draw(found: xarray.Dataset) -> Figure:
         values = found[name]
         ax.set_title(f"{name}", loc="left", fontsize="small")
         ax.axhline(0.0, color="0.7", lw=0.6)
-        if not str(values.dims[0]).startswith("point_"):
-            position = found[values.dims[0]].values
-            size, unit = scale(position, "m")
-            ax.plot(position / size, values.values, "o-", ms=3, lw=1.0)
-            ax.set_ylabel(f"per knot\n({values.attrs['units']})")
-            ax.set_xlabel(f"Position ({unit})" if ax is axes[len(fields) - 1, 0] else "")
-            continue
-        fault = str(values.dims[0]).removeprefix("point_")
-        weight_unit = found[f"weight_{fault}"].attrs["units"]
-        position, weight = found[f"position_{fault}"].values, found[f"weight_{fault}"].values
+        dim, of = str(values.dims[0]), values.attrs["units"]
+        if dim.startswith("point_"):
+            fault = dim.removeprefix("point_")
+            position, weight = found[f"position_{fault}"].values, found[f"weight_{fault}"]
+            shown, style, length = values.values / weight.values, "-", weight.attrs["units"]
+            label = f"per {'length' if length == 'm' else 'area'}\n({_per(of, length)})"
+        else:
+            position, shown, style, label = found[dim].values, values.values, "o-", f"per knot\n({of})"
         size, unit = scale(position, "m")
-        density = values.values / weight
-        ax.plot(position / size, density, lw=1.0)
-        ax.set_ylabel(f"per {'length' if weight_unit == 'm' else 'area'}\n({_per(values.attrs['units'], weight_unit)})")
+        ax.plot(position / size, shown, style, ms=3, lw=1.0)
+        ax.set_ylabel(label)
         ax.set_xlabel(f"Position ({unit})" if ax is axes[len(fields) - 1, 0] else "")
     if not fields:
         axes[0, 0].bar(np.arange(len(numbers)), [float(found[name]) for name in numbers])

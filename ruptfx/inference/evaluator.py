@@ -20,7 +20,7 @@ from ruptfx.instruments._readings import ModelReadings
 from ruptfx.misfits import Misfit
 from ruptfx.model import Model
 from ruptfx.platform.progress import working
-from ruptfx.schema import CaseError
+from ruptfx.schema import CaseError, value_at
 
 Floats = NDArray[np.float64]
 
@@ -244,7 +244,7 @@ class Evaluator:
             if uniform:
                 new: object = float(values[0])
             elif each.on_surface:
-                new = each.profile_on_surface(_at(case.table(), each.unknown.key), values)
+                new = each.profile_on_surface(value_at(case.table(), each.unknown.key), values)
             else:
                 new = {
                     "kind": "table", "positions": each.position[order].tolist(), "values": values[order].tolist(),
@@ -265,13 +265,6 @@ class Evaluator:
                     f"{error}; the search has reached this value: give '{each.unknown.key}' bounds without it"
                 ) from None
         return case
-
-
-def _at(table: object, key: str) -> object:
-    """Return the entry of a table at a dotted key."""
-    for name in key.split("."):
-        table = table[int(name)] if isinstance(table, list) else table[name]  # type: ignore[index]
-    return table
 
 
 def _refuse_unfelt(variable: Variable) -> None:

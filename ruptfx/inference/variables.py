@@ -80,6 +80,8 @@ class Variable:
         Values of the case.
     box : tuple of float
         Bounds of each variable.
+    on_surface : bool
+        True if the points lie on a surface, along which no table of a line gives the values.
 
     Raises
     ------
@@ -92,7 +94,7 @@ class Variable:
         self.unknown, self.place = unknown, place
         face = model.faults[max(place.fault, 0)].interface
         self.position, self.start = np.zeros(1), values_of_case(model, place)
-        self._on_surface = place.of_points and face.across is not None
+        self.on_surface = place.of_points and face.across is not None
         if place.of_points:
             self.position = whole(model, face, face.position)
             self.start = whole(model, face, self.start)
@@ -154,11 +156,6 @@ class Variable:
         upper = np.zeros((2, self.size))
         upper[1], upper[0, 1:] = self._bands[0], self._bands[1, :-1]
         self._upper = upper
-
-    @property
-    def on_surface(self) -> bool:
-        """True if the points of the interface lie on a surface, along which no table of a line gives the values."""
-        return self._on_surface
 
     def profile_on_surface(self, given: object, values: Floats) -> dict[str, object]:
         """Return the profile of a number on a surface, from that of the case and the values at all points."""

@@ -375,17 +375,16 @@ INLINE void along(const int add, const struct matrix *m, const lanes *in, lanes 
     }
 }
 
-// The same for the lines of a plane of N * N nodes, N apart.
-INLINE void along_plane(const int add, const struct matrix *m, const lanes *in, lanes *out)
+// The same for `stride` lines that begin at neighbouring nodes: with N those of a plane.
+INLINE void along_lines(const int add, const struct matrix *m, const lanes *in, lanes *out, const int stride)
 {
-    KEEP for (int b = 0; b < N; b++) along(add, m, in + b, out + b, N);
+    KEEP for (int b = 0; b < stride; b++) along(add, m, in + b, out + b, stride);
 }
 
 // The same for all lines of one direction.
 INLINE void along_all(const int add, const struct matrix *m, const lanes *in, lanes *out, const int stride)
 {
-    KEEP for (int a = 0; a < NODES; a += N * stride)
-        KEEP for (int b = 0; b < stride; b++) along(add, m, in + a + b, out + a + b, stride);
+    KEEP for (int a = 0; a < NODES; a += N * stride) along_lines(add, m, in + a, out + a, stride);
 }
 
 // From displacements to internal force over the weights of the nodes, in place.  In 3D plane after plane, and in a plane line after
@@ -394,7 +393,7 @@ INLINE void apply_plane(const int geometry, struct cell *cell, const int plane, 
                         lanes across[COMPONENTS][NODES])
 {
     lanes g[COMPONENTS][N * N];
-    UNROLL for (int c = 0; c < COMPONENTS; c++) along_plane(0, &DERIVATIVE, u[c] + plane, g[c]);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(0, &DERIVATIVE, u[c] + plane, g[c], N);
     KEEP for (int line = 0; line < N * N; line += N) {
         lanes last[COMPONENTS][N];
         UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &DERIVATIVE, u[c] + plane + line, last[c], 1);
@@ -431,7 +430,7 @@ INLINE void apply_plane(const int geometry, struct cell *cell, const int plane, 
         UNROLL for (int q = 0; q < N; q++) u[1][line + q] += hoop[q];
 #endif
     }
-    UNROLL for (int c = 0; c < COMPONENTS; c++) along_plane(1, &TRANSPOSED, g[c], u[c] + plane);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(1, &TRANSPOSED, g[c], u[c] + plane, N);
 }
 
 INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
@@ -439,11 +438,11 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
     struct cell cell = open_cell(geometry, number);
     lanes across[COMPONENTS][NODES];
 #if DIM == 3
-    UNROLL for (int c = 0; c < COMPONENTS; c++) along_all(0, &DERIVATIVE, u[c], across[c], N * N);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(0, &DERIVATIVE, u[c], across[c], N * N);
 #endif
     KEEP for (int plane = 0; plane < NODES; plane += N * N) apply_plane(geometry, &cell, plane, u, across);
 #if DIM == 3
-    UNROLL for (int c = 0; c < COMPONENTS; c++) along_all(1, &TRANSPOSED, across[c], u[c], N * N);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(1, &TRANSPOSED, across[c], u[c], N * N);
 #endif
 }
 #endif

@@ -94,9 +94,8 @@ class MatrixFree:
         self._cell_nodes = len(permutation)
         linear_simplex = not (is_tensor(space.mesh) or bulk.large_rotations)
         self._damps = linear_simplex and self._components == space.mesh.topology.dim
-        self._block_nodes = BLOCK_NODES if space.mesh.topology.dim == 2 else BLOCK_NODES_3D
-        if bool(space.element.basix_element.discontinuous):
-            self._block_nodes = BROKEN_BLOCK_NODES
+        connected = BLOCK_NODES if space.mesh.topology.dim == 2 else BLOCK_NODES_3D
+        self._block_nodes = BROKEN_BLOCK_NODES if bool(space.element.basix_element.discontinuous) else connected
         self._hold_lines(_fetch(space))
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
 
