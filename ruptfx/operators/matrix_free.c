@@ -330,11 +330,24 @@ INLINE void scatter_add(double *field, const int *dof, const lanes x[COMPONENTS]
     EACH(dof, x, ADD)
 }
 
+// Cache lines that the next batch is the first to touch: nothing else would ask for them, as the nodes of elements follow no
+// pattern that a machine sees.  They are asked for a few at a time while this batch computes: a core can wait for few at once.
+struct ahead { const double *displacement, *force; const int *line; };
+
+INLINE void ask(const struct ahead *ahead, const int node, const int count)
+{
+    UNROLL for (int k = node * FETCH; k < (node + count) * FETCH; k++) {
+        __builtin_prefetch(ahead->displacement + 8L * ahead->line[k], 0);
+        __builtin_prefetch(ahead->force + 8L * ahead->line[k], 1);
+    }
+}
+
 // -- gradient and its transpose -------------------------------------------------------------------------------------
 
 #if SIMPLEX
-INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
+INLINE void apply(const int geometry, const lanes *number, const struct ahead *ahead, lanes u[COMPONENTS][NODES])
 {
+    (void)ahead;
     struct cell cell = open_cell(geometry, number);
     lanes p[DIM][COMPONENTS];
     UNROLL for (int d = 0; d < DIM; d++)
@@ -389,12 +402,13 @@ INLINE void along_all(const int add, const struct matrix *m, const lanes *in, la
 
 // From displacements to internal force over the weights of the nodes, in place.  In 3D plane after plane, and in a plane line after
 // line of nodes that are neighbours, together with the stress.
-INLINE void apply_plane(const int geometry, struct cell *cell, const int plane, lanes u[COMPONENTS][NODES],
-                        lanes across[COMPONENTS][NODES])
+INLINE void apply_plane(const int geometry, struct cell *cell, const struct ahead *ahead, const int plane,
+                        lanes u[COMPONENTS][NODES], lanes across[COMPONENTS][NODES])
 {
     lanes g[COMPONENTS][N * N];
     UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(0, &DERIVATIVE, u[c] + plane, g[c], N);
     KEEP for (int line = 0; line < N * N; line += N) {
+        if (ORDER > 1 && ahead) ask(ahead, plane + line, N);
         lanes last[COMPONENTS][N];
         UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &DERIVATIVE, u[c] + plane + line, last[c], 1);
         lanes hoop[N];
@@ -433,36 +447,34 @@ INLINE void apply_plane(const int geometry, struct cell *cell, const int plane, 
     UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(1, &TRANSPOSED, g[c], u[c] + plane, N);
 }
 
-INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
+INLINE void apply(const int geometry, const lanes *number, const struct ahead *ahead, lanes u[COMPONENTS][NODES])
 {
     struct cell cell = open_cell(geometry, number);
     lanes across[COMPONENTS][NODES];
 #if DIM == 3
     UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(0, &DERIVATIVE, u[c], across[c], N * N);
 #endif
-    KEEP for (int plane = 0; plane < NODES; plane += N * N) apply_plane(geometry, &cell, plane, u, across);
+    KEEP for (int plane = 0; plane < NODES; plane += N * N) apply_plane(geometry, &cell, ahead, plane, u, across);
 #if DIM == 3
     UNROLL for (int c = 0; c < COMPONENTS; c++) along_lines(1, &TRANSPOSED, across[c], u[c], N * N);
 #endif
 }
 #endif
 
-// Forces of one batch.  A few at a time, the cache lines that the next batch is the first to touch are asked for: nothing
-// else would, as the nodes of elements follow no pattern that a machine sees.
+// Forces of one batch.
 INLINE void batch_force(const int geometry, const struct plan *plan, long b, const double *displacement, double *force)
 {
-    const int *dof = plan->dof + b * NODES * LANES, *line = plan->line + (b + 1) * NODES * FETCH;
-    const lanes *number = plan->number + plan->start[b];
+    const int *dof = plan->dof + b * NODES * LANES;
+    const struct ahead ahead = {displacement, force, plan->line + (b + 1) * NODES * FETCH};
     lanes u[COMPONENTS][NODES];
     KEEP for (int node = 0; node < NODES; node++) {
-        UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(displacement + 8L * line[node * FETCH + k], 0);
+        if (ORDER == 1) ask(&ahead, node, 1);
         lanes x[COMPONENTS];
         gather(displacement, dof + node * LANES, x);
         UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
     }
-    apply(geometry, number, u);
+    apply(geometry, plan->number + plan->start[b], &ahead, u);
     KEEP for (int node = 0; node < NODES; node++) {
-        UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(force + 8L * line[node * FETCH + k], 1);
         lanes x[COMPONENTS];
         UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
         scatter_add(force, dof + node * LANES, x);
@@ -485,8 +497,8 @@ static void add_damped_force(const struct plan *plan, long first, long last, dou
             gather(velocity, dof + node * LANES, y);
             UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c], v[c][node] = y[c];
         }
-        apply(AFFINE, number, u);
-        apply(AFFINE, number, v);
+        apply(AFFINE, number, 0, u);
+        apply(AFFINE, number, 0, v);
         UNROLL for (int node = 0; node < NODES; node++) {
             lanes both[COMPONENTS], lost[COMPONENTS];
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
