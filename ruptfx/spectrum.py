@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 from weakref import WeakKeyDictionary
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from ruptfx.space.nodes import Nodes
 
 MOST_ITERATIONS = 1000
+PART = 16384
+"""Numbers of a long vector that are computed together: six vectors of them fit into the second-level cache."""
 Floats = NDArray[np.float64]
 
 
@@ -144,11 +147,9 @@ def _lanczos(model: Vibrating, springs: Sequence[Springs]) -> float:
         if each.bound is not None:
             later += each.bound
     later = np.repeat(later, model.components) if later.any() else later[:0]
-    work = np.empty_like(root)  # long vectors are allocated once: allocation costs more than arithmetic
 
-    def apply(vector: np.ndarray, force: np.ndarray) -> None:
-        """force = M^-1/2 K M^-1/2 vector."""
-        u = np.multiply(root, vector, out=work)
+    def apply(u: np.ndarray, force: np.ndarray) -> None:
+        """force = -K u."""
         model.internal_force(u, at_rest=True, out=force)
         for each in springs:
             if each.add is not None:
@@ -162,40 +163,41 @@ def _lanczos(model: Vibrating, springs: Sequence[Springs]) -> float:
                 model.layout.sum_shared(between)
                 force += between
         model.layout.sum_tied(force)
-        force *= root
-        np.negative(force, out=force)
 
-    once = np.repeat(model.layout.once, model.components).astype(float)
+    others = np.flatnonzero(np.repeat(model.layout.once, model.components) == 0)
+    # Long vectors are computed part by part, so that all operations on a part find it in the cache.
+    parts = [slice(first, first + PART) for first in range(0, len(root), PART)]
 
-    def dot(a: np.ndarray, b: np.ndarray) -> float:
-        return float(parallel.total(model.comm, np.multiply(once, a, out=work) @ b))
+    def product(of_part: Callable[[slice], float], a: np.ndarray, b: np.ndarray) -> float:
+        """Return a . b over ranks, every degree of freedom once, from the products of the parts."""
+        return float(parallel.total(model.comm, sum(map(of_part, parts)) - a[others] @ b[others]))
 
     # A partition-independent start vector: pseudo-random in the coordinates.
     x = model.coordinates @ (np.array([12.9898, 78.233, 37.719])[: model.coordinates.shape[1]])
     scale = parallel.total(model.comm, np.abs(x[: model.owned_nodes]).sum()) / model.total_nodes
     vector = np.repeat(np.sin(4.3758e4 * x / scale), model.components) * (root > 0)
     model.layout.equalise(vector)
-    vector /= np.sqrt(dot(vector, vector))
-    before, w, beta = np.zeros_like(vector), np.empty_like(vector), 0.0
+    beta = np.sqrt(product(lambda part: vector[part] @ vector[part], vector, vector))
+    w, before = vector, np.zeros_like(vector)
+    vector, u = np.zeros_like(vector), np.empty_like(vector)
     diagonal: list[float] = []
     off: list[float] = []
     last, highest, converged = 0.0, 0.0, False
     for _ in range(MOST_ITERATIONS):
-        apply(vector, w)
-        before *= beta
-        w -= before
-        diagonal.append(dot(w, vector))
+        before, vector, w = vector, w, before
+        for part in parts:
+            vector[part] /= beta
+            np.multiply(root[part], vector[part], out=u[part])
+        apply(u, w)
+        diagonal.append(product(partial(_less_before, w, before, vector, root, beta), w, vector))
         if not np.isfinite(diagonal[-1]):
             break
-        w -= np.multiply(vector, diagonal[-1], out=work)
-        beta = np.sqrt(dot(w, w))
+        beta = np.sqrt(product(partial(_less_along, w, vector, diagonal[-1]), w, w))
         if len(diagonal) % 10 == 0 or beta == 0:
             last, highest = highest, _largest_of(diagonal, off)
             if converged := highest - last < 2e-3 * highest or beta == 0:
                 break
         off.append(beta)
-        w /= beta
-        before, vector, w = vector, w, before
     if not np.isfinite(diagonal[-1]) or highest <= 0:
         raise RuptfxError(
             "the highest frequency could not be found; look for elements without area, and for moduli or densities "
@@ -207,6 +209,21 @@ def _lanczos(model: Vibrating, springs: Sequence[Springs]) -> float:
             f"{(highest - last) / highest:.2g} of it, and 0.002 is allowed); are elements or moduli too unequal?"
         )
     return float(np.sqrt(highest))
+
+
+def _less_before(
+    w: np.ndarray, before: np.ndarray, vector: np.ndarray, root: np.ndarray, beta: float, part: slice
+) -> float:  # fmt: skip
+    """Change w from -K u to M^-1/2 K u - beta before in a part, and return its product with the vector there."""
+    w[part] *= -root[part]
+    w[part] -= beta * before[part]
+    return float(w[part] @ vector[part])
+
+
+def _less_along(w: np.ndarray, vector: np.ndarray, along: float, part: slice) -> float:
+    """Subtract `along` times the vector from w in a part, and return the square of what remains there."""
+    w[part] -= along * vector[part]
+    return float(w[part] @ w[part])
 
 
 def _largest_of(diagonal: list[float], off: list[float]) -> float:
