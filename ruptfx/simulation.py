@@ -272,7 +272,7 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
     def finish() -> None:
         from ruptfx.analysis import summarise
 
-        with Files(out) as record:
+        with Files(out, trust=True) as record:  # its plug-ins have just been executed by the run
             findings = summarise(record)
         found = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
         run_files.complete(out, {

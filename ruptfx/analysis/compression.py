@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
+from pydantic import TypeAdapter, ValidationError
 
 from ruptfx import RuptfxError, Table
 from ruptfx.analysis.emission import (
@@ -23,6 +24,9 @@ from ruptfx.analysis.emission import (
     first_peak,
     tried,
 )
+from ruptfx.materials import AnyMaterial, Material
+from ruptfx.plugins import active, named
+from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
     from ruptfx.record import Files
@@ -35,6 +39,10 @@ ELASTIC = (0.2, 0.5)  # parts of the first peak between which the modulus is fit
 WINDOWS = (0.95, 0.98, 1.0)
 """Parts of the time of the first peak until which tensile shares are given; the last is the window of Zhao (2013)."""
 MODES = ("tensile", "shear", "mixed")
+_NO_SPEED = (
+    "materials.{}: no shear wave speed is known, by which events are linked to clusters ({}); give distance and speed, "
+    "ruptfx events RUN --link DISTANCE SPEED"
+)
 
 
 @dataclass(frozen=True)
@@ -108,10 +116,10 @@ class Emission:
     seismic : Catalogue
         Events before it that radiate, from the smallest magnitude on.
     linked : Catalogue
-        Clusters of seismic events of the whole run.
+        Clusters of seismic events of the whole run; empty if the default of `link` is not known.
     of_events : Estimates
         Estimates of `seismic`.
-    of_clusters : BValue, or the exception of a failed estimate
+    of_clusters : BValue, or the exception of a failed estimate or of an unknown default of `link`
     """
 
     events: Catalogue
@@ -167,12 +175,13 @@ def emission_of(
     points = facets["points"].values
     near, far = distances or (2 * size, float(np.ptp(points, axis=0).min()) / 3)
     seismic = Catalogue(events.time[counted], events.x[counted], events.y[counted], events.energy[counted])
-    linked = clusters(events.seismic(smallest), *(link or (CELLS * size, 0.5 * _slowest(record))))
+    seen = tried(lambda: clusters(events.seismic(smallest), *(link or (CELLS * size, 0.5 * _slowest(record)))).events)
+    linked = Catalogue(*np.zeros((4, 0))) if isinstance(seen, RuptfxError) else seen
     return Emission(
         events, before, np.asarray(data["mode"].values), np.asarray(data["inclination"].values),
-        np.asarray(data["length"].values), time_of_failure, failure_time, seismic, counted, linked.events,
+        np.asarray(data["length"].values), time_of_failure, failure_time, seismic, counted, linked,
         estimate(seismic, completeness, (near, far), failure_time),
-        tried(lambda: b_value(linked.events.magnitude, completeness)),
+        seen if isinstance(seen, RuptfxError) else tried(lambda: b_value(linked.magnitude, completeness)),
     )  # fmt: skip
 
 
@@ -202,19 +211,26 @@ def _share(modes: Array, name: str) -> float:
 
 
 def _slowest(record: Files) -> float:
-    """Return the shear wave speed of the slowest body [m/s], of orthotropic ones along an axis in the plane.
+    """Return the shear wave speed of the slowest body [m/s], of anisotropic ones along x.
 
-    Bodies whose material has neither Young's modulus and Poisson's ratio nor G_12 are not counted; infinite without
-    others, so that no events are linked.
+    Raises
+    ------
+    RuptfxError
+        A material without known wave speeds: that of a plug-in which is not loaded, or parameters that vary.
     """
-    speeds = []
-    for each in record.case["materials"].values():
-        modulus = each.get("G_12")
-        if "young_modulus" in each and "poisson_ratio" in each:
-            modulus = each["young_modulus"] / (2 * (1 + each["poisson_ratio"]))
-        if modulus is not None:
-            speeds.append(float(np.sqrt(modulus / each["density"])))
-    return min(speeds, default=float(np.inf))
+    case, speeds = record.case, []
+    with active(named(case, record.path) if record.trust else []):
+        for name, table in case["materials"].items():
+            try:
+                material = TypeAdapter[Material](AnyMaterial).validate_python(table, context={"directory": record.path})
+                if material.varying:
+                    raise RuptfxError(f"'{next(iter(material.varying))}' varies in the body")
+                speeds.append(material.wave_speeds(case["plane"]).c_s)
+            except (ValidationError, RuptfxError, ImportError) as error:  # without the extra `fem` there is no UFL
+                reason = CaseError.from_validation(error) if isinstance(error, ValidationError) else error
+                text = str(reason).replace("\n", "; ").removeprefix("case: ")
+                raise RuptfxError(_NO_SPEED.format(name, text)) from None
+    return min(speeds)
 
 
 def fragments(record: Files) -> int | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import tomli_w
 import xarray
+from helpers.messages import facts
 
 from ruptfx.analysis import summarise
 from ruptfx.analysis.compression import Loading, _slowest, emission_of, fragments, loading
@@ -29,7 +31,7 @@ def write(path: Path, platens: bool = False, peak: bool = True, **events: np.nda
     }  # fmt: skip
     if platens:
         mesh["platens"] = {"thickness": 4e-3, "body": body}
-    (path / "case.toml").write_text(tomli_w.dumps({"mesh": mesh, "materials": {"default": ROCK}}))
+    (path / "case.toml").write_text(tomli_w.dumps({"plane": "stress", "mesh": mesh, "materials": {"default": ROCK}}))
     time = np.linspace(0, 1e-3, 101)
     strain = 3e-3 * time / time[-1]
     stress = MODULUS * np.minimum(strain, 2e-3) - (2e10 * np.maximum(strain - 2e-3, 0) if peak else 0)
@@ -79,18 +81,77 @@ LAMINATE = {"kind": "orthotropic_elastic", "density": 1600.0, "E_1": 60e9, "E_2"
             "G_12": 8e9}  # fmt: skip
 
 
+VISCOUS = {**ROCK, "kind": "maxwell", "density": 3200.0, "relaxation_time": 1e-3}
+PLUGIN = '''
+from ruptfx.materials import Material, WaveSpeeds
+
+class OfAPlugin(Material):
+    """Elastic, with speeds of its own."""
+
+    def wave_speeds(self, plane):
+        return WaveSpeeds(3000.0, 1500.0, 1400.0)
+'''
+
+
+def with_materials(path: Path, materials: dict[str, Any], **changes: Any) -> Path:
+    case = tomllib.loads((path / "case.toml").read_text())
+    (path / "case.toml").write_text(tomli_w.dumps({**changes, **case, "materials": materials}))
+    return path
+
+
 @pytest.mark.parametrize("materials, speed", [
     ({"default": LAMINATE}, 2236.0679774997896), ({"default": ROCK, "steel": LAMINATE}, 2236.0679774997896),
-    ({"default": {"kind": "of_a_plugin", "density": 1600.0}}, np.inf),
+    ({"default": {"kind": "isotropic_elastic", "density": 1170.0, "c_p": 2700.0, "c_s": 1345.0}}, 1345.0),
+    ({"default": VISCOUS}, 2500.0), ({"default": {"name": "steel"}}, 3235.0),
 ])  # fmt: skip
 def test_the_slowest_shear_wave_of_other_materials(materials: Any, speed: float, tmp_path: Path) -> None:
-    """sqrt(G_12 / rho) = sqrt(8e9 / 1600) m/s; events of a run are summarised whatever its materials are."""
-    path = write(tmp_path / "run")
-    case = tomllib.loads((path / "case.toml").read_text())
-    (path / "case.toml").write_text(tomli_w.dumps({**case, "materials": materials}))
-    with Record(path) as record:
+    """sqrt(G_12 / rho) = sqrt(8e9 / 1600) m/s; sqrt(20e9 / 3200) = 2500 m/s; those of the case and of the library."""
+    with Record(with_materials(write(tmp_path / "run"), materials)) as record:
         assert _slowest(record) == pytest.approx(speed, rel=1e-12)
-        assert summarise(record)["events"] == 0
+
+
+def test_a_laminate_is_slowest_along_its_own_axes(tmp_path: Path) -> None:
+    """Turned by 90 degrees G_12 is the same; turned by 45 degrees waves along x are those of E_1, E_2 and nu_12.
+
+    In plane stress Q_ij = E_i / (1 - nu_12 nu_21) etc.; at 45 degrees Q'_11 = (Q_11 + Q_22 + 2 Q_12) / 4 + G_12,
+    Q'_66 = (Q_11 + Q_22 - 2 Q_12) / 4, Q'_16 = (Q_11 - Q_22) / 4, and rho c^2 is the lower eigenvalue.
+    """
+    divisor = 1 - 0.3**2 * 20 / 60
+    first, second, both = 60e9 / divisor, 20e9 / divisor, 0.3 * 20e9 / divisor
+    turned = [[(first + second + 2 * both) / 4 + 8e9, (first - second) / 4],
+              [(first - second) / 4, (first + second - 2 * both) / 4]]  # fmt: skip
+    speeds = {np.pi / 2: 2236.0679774997896, np.pi / 4: np.sqrt(np.linalg.eigvalsh(turned)[0] / 1600)}
+    for number, (angle, speed) in enumerate(speeds.items()):
+        path = with_materials(write(tmp_path / str(number)), {"default": {**LAMINATE, "angle": angle}})
+        with Record(path) as record:
+            assert _slowest(record) == pytest.approx(speed, rel=1e-9)
+
+
+def test_speeds_of_a_plugin_are_known_where_it_is_trusted(tmp_path: Path) -> None:
+    """Elsewhere no events are linked, and the b-value of clusters says why; other results remain."""
+    time = np.array([1e-4, 1.001e-4])
+    seen = {"time": time, "time_of_failure": time, "energy": np.array([1e-6, 1e-6]), "x": np.zeros(2),
+            "y": np.zeros(2), "mode": np.array(["tensile", "shear"], dtype=object)}  # fmt: skip
+    (tmp_path / "of_a_plugin.py").write_text(PLUGIN)
+    materials = {"default": {"kind": "of_a_plugin", "density": 1600.0}}
+    path = with_materials(write(tmp_path / "run", **seen), materials, plugins=["../of_a_plugin.py"])
+    with Record(path, trust=True) as record:
+        assert _slowest(record) == 1500.0
+        assert len(emission_of(record).linked) == 1
+    with Record(path) as record:
+        found = emission_of(record)
+        assert len(found.linked) == 0 and len(found.seismic) == 2
+        assert re.search(facts(r"materials\.default: no shear wave speed .*'of_a_plugin'.*--link DISTANCE SPEED"),
+                         str(found.of_clusters))  # fmt: skip
+        assert summarise(record)["events"] == 2 and summarise(record)["b_value"] is None
+        assert len(emission_of(record, link=(1e-3, 1e3)).linked) == 1
+
+
+def test_without_one_wave_speed_no_events_are_linked(tmp_path: Path) -> None:
+    depths = {"kind": "table", "positions": [-1.0, 1.0], "values": [2600.0, 2700.0]}
+    with Record(with_materials(write(tmp_path / "run"), {"default": {**ROCK, "density": depths}})) as record:
+        assert re.search(r"materials\.default: .*\('density' varies in the body\).*--link",
+                         str(emission_of(record).of_clusters))  # fmt: skip
 
 
 @pytest.mark.parametrize("later, clusters", [(0.99, 1), (1.01, 2)])
