@@ -10,7 +10,7 @@ Source: descriptions of the benchmarks TPV5 to TPV104, https://strike.scec.org/c
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -30,6 +30,7 @@ FLAT = 1e-6  # distance from the plane over its extent, and height of a horizont
 STEEP = 1e-3  # horizontal length of the normal below which a surface has no strike
 NEVER = 1e9
 """Rupture time of points that did not rupture [s]."""
+DECIMALS = 9  # of positions [m]: the rest is rounding of a turned plane
 GRID = 100.0  # m, unit of the positions in names of files
 
 
@@ -131,7 +132,9 @@ class View:
 
     def place(self, points: Array) -> tuple[Array, Array, Array]:
         """Return distances of points [m]: off the fault at z = 0, along strike, and down dip from z = 0."""
-        return points @ self.away - self.trace, points @ self.strike, points[..., 2] / self.down[2]
+        places = points @ self.away - self.trace, points @ self.strike, points[..., 2] / self.down[2]
+        off, along, down = (np.round(place, DECIMALS) + 0.0 for place in places)  # without -0.0
+        return off, along, down
 
 
 def files(record: Record, folder: Path) -> Iterator[Path]:
@@ -147,14 +150,17 @@ def files(record: Record, folder: Path) -> Iterator[Path]:
         raise RuptfxError(f"export --format scec: {record.path} has no interface; use --format vtkhdf")
     for name, view in views.items():
         yield _contours(record, name, view, folder)
+    written: set[str] = set()
     for table in record.case.get("instruments", []):
         data = record.instruments[table["name"]] if table["kind"] in ("receiver", "fault_receiver") else None
         if data is None:
             continue
         if table["kind"] == "fault_receiver":
-            yield _on_fault(record, table, data, views[table.get("fault", "main")], folder)
+            path = _on_fault(record, table, data, views[table.get("fault", "main")], folder, written)
         else:
-            yield _in_body(record, table, data, next(iter(views.values())), folder)
+            path = _in_body(record, table, data, next(iter(views.values())), folder, written)
+        written.add(path.name)
+        yield path
 
 
 def _contours(record: Record, name: str, view: View, folder: Path) -> Path:
@@ -168,7 +174,9 @@ def _contours(record: Record, name: str, view: View, folder: Path) -> Path:
     return _write(record, folder / f"{name}_rupture_time.txt", entries, CONTOURS, rows)
 
 
-def _on_fault(record: Record, table: Table, data: Data, view: View, folder: Path) -> Path:
+def _on_fault(
+    record: Record, table: Table, data: Data, view: View, folder: Path, written: Collection[str] = ()
+) -> Path:
     """Write what a receiver on a fault recorded."""
     _, along, down = view.place(np.array(table["point"], dtype=float))
     slip, rate, shear = (
@@ -182,12 +190,15 @@ def _on_fault(record: Record, table: Table, data: Data, view: View, folder: Path
     if state:
         values.append(np.log10(data[state].values) if state == "theta" else data[state].values)
         columns.append(STATES[state])
-    name = _file_name(table, {"faultst": along, "dp": down})
+    fault = table.get("fault", "main")
+    name = _file_name(table, {f"{'fault' if fault == 'main' else fault}st": along, "dp": down}, written)
     place = f"on fault, {along / 1e3:.7g} km along strike, {down / 1e3:.7g} km down-dip"
     return _series(record, folder / name, place, columns, data, values)
 
 
-def _in_body(record: Record, table: Table, data: Data, view: View, folder: Path) -> Path:
+def _in_body(
+    record: Record, table: Table, data: Data, view: View, folder: Path, written: Collection[str] = ()
+) -> Path:
     """Write what a receiver in the bodies recorded."""
     for field in ("velocity", "displacement"):
         if f"{field}_x" not in data:
@@ -200,17 +211,22 @@ def _in_body(record: Record, table: Table, data: Data, view: View, folder: Path)
     directions = (view.strike, np.array([0.0, 0.0, -1.0]), view.away)
     motions = [np.stack([data[f"{field}_{axis}"].values for axis in "xyz"]) for field in ("displacement", "velocity")]
     values = [direction @ motion for direction in directions for motion in motions]
-    name = _file_name(table, {"body": off, "st": along, "dp": -point[2]})
-    place = f"{off / 1e3:.7g} km off fault, {along / 1e3:.7g} km along strike, {-point[2] / 1e3:.7g} km depth"
+    depth = 0.0 - point[2]
+    name = _file_name(table, {"body": off, "st": along, "dp": depth}, written)
+    place = f"{off / 1e3:.7g} km off fault, {along / 1e3:.7g} km along strike, {depth / 1e3:.7g} km depth"
     return _series(record, folder / name, place, OF_BODY, data, values)
 
 
-def _file_name(table: Table, positions: Mapping[str, SupportsFloat]) -> str:
-    """Return the name that the comparison uses, with positions in 100 m; else that of the instrument."""
+def _file_name(table: Table, positions: Mapping[str, SupportsFloat], written: Collection[str] = ()) -> str:
+    """Return the name that the comparison uses, with positions in 100 m.
+
+    It is the name of the instrument if the positions are no multiples of 100 m, or if another receiver has this place.
+    """
     shares = {key: float(value) / GRID for key, value in positions.items()}
-    if any(abs(share - round(share)) > FLAT for share in shares.values()):
-        return f"{table['name']}.txt"
-    return "".join(f"{key}{round(share):0{4 if share < 0 else 3}d}" for key, share in shares.items()) + ".txt"
+    numbers = {key: round(share) for key, share in shares.items()}
+    name = "".join(f"{key}{number:0{4 if number < 0 else 3}d}" for key, number in numbers.items()) + ".txt"
+    off_grid = any(abs(share - numbers[key]) > FLAT for key, share in shares.items())
+    return f"{table['name']}.txt" if off_grid or name in written else name
 
 
 def _series(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -169,6 +170,41 @@ def test_names_of_files_are_positions_in_100_m() -> None:
     assert scec_files._file_name(table, {"faultst": -12e3, "dp": 3e3}) == "faultst-120dp030.txt"
     assert scec_files._file_name(table, {"body": 9e3, "st": 0.0, "dp": 0.0}) == "body090st000dp000.txt"
     assert scec_files._file_name(table, {"faultst": 40.0, "dp": 3e3}) == "station.txt"
+    # Rounding of positions in a turned plane is no direction.
+    assert scec_files._file_name(table, {"faultst": -1e-12, "dp": 3e3}) == "faultst000dp030.txt"
+    assert scec_files._file_name(table, {"faultst": 0.0, "dp": 3e3}, {"faultst000dp030.txt"}) == "station.txt"
+
+
+def test_receivers_of_two_faults_and_of_both_sides_have_files_of_their_own(tmp_path: Path) -> None:
+    """Two faults that pass through the same point, and the two sides of one of them there."""
+    path = synthetic.write_surface_run(tmp_path / "run")
+    fields = [f"{field}_{number}" for field in ("slip", "slip_rate", "shear_traction") for number in (1, 2)]
+    on_fault = [*fields, "normal_stress"]
+    in_body = [f"{field}_{axis}" for field in ("velocity", "displacement") for axis in "xyz"]
+    point = [0.0, 0.0, -3e3]
+    tables = [
+        {"kind": "fault_receiver", "name": "first", "point": point},
+        {"kind": "fault_receiver", "name": "second", "point": point, "fault": "branch"},
+        {"kind": "receiver", "name": "above", "point": point, "body": "plus"},
+        {"kind": "receiver", "name": "below", "point": point, "body": "minus"},
+    ]
+    names = (on_fault, on_fault, in_body, in_body)
+    with Record(path) as record:
+        given = SimpleNamespace(
+            path=path, case={"instruments": tables},
+            interfaces={"main": record.interface, "branch": record.interface},
+            instruments={
+                table["name"]: xarray.Dataset(
+                    {name: ("time", np.full(3, float(number))) for name in fields}, {"time": [0.0, 0.5, 1.0]}
+                ) for number, (table, fields) in enumerate(zip(tables, names, strict=True))
+            },
+        )  # fmt: skip
+        found = [file for file in scec_files.files(given, tmp_path) if "rupture_time" not in file.name]
+    assert [file.name for file in found] == [
+        "faultst000dp030.txt", "branchst000dp030.txt", "body000st000dp030.txt", "below.txt",
+    ]  # fmt: skip
+    for number, (file, column) in enumerate(zip(found, ("h-slip", "h-slip", "h-disp", "h-disp"), strict=True)):
+        np.testing.assert_allclose(read(file)[1][column], number)
 
 
 def test_series_of_rate_and_state_have_the_state_and_count_pressure(tmp_path: Path) -> None:
