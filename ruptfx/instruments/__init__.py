@@ -19,8 +19,8 @@ from ruptfx.units import Duration, Frequency
 if TYPE_CHECKING:
     from ruptfx.instruments._readings import ModelReadings
 
-Source = Literal["displacement", "velocity", "acceleration"] | tuple[str, str]
-"""A nodal field, or fault and field."""
+Source = Literal["displacement", "velocity", "acceleration", "inelastic_force"] | tuple[str, str]
+"""A nodal field, or fault and field; an inelastic force is that of the elements of a rank."""
 
 
 @dataclass(frozen=True)

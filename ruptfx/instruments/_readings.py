@@ -167,7 +167,8 @@ class ModelReadings:
         """Return the external force on an edge, along every axis [N, in 2D N/m]; collective.
 
         Each entry has axis, shares, and the force of the initial stress. The sum over the nodes of the edge of K u + M
-        a is, as K is symmetric, the sum of (K w + M a w) with w, one at these nodes and zero elsewhere.
+        a is, as K is symmetric, the sum of (K w + M a w) with w, one at these nodes and zero elsewhere. Materials with
+        memory add the forces of their inelastic stress at these nodes.
 
         Raises
         ------
@@ -175,11 +176,6 @@ class ModelReadings:
             On all ranks: no such edge.
         """
         model = self.model
-        if model.memory_laws:
-            raise CaseError(
-                f"{key}: forces on edges are computed for elastic bodies, and the material of "
-                f"'{next(iter(model.memory_laws))}' has memory; remove it, or use kind = 'isotropic_elastic'"
-            )
         edge = Edge(model, name, key)
         found = []
         owned = np.arange(model.nodes * model.components) < model.owned_nodes * model.components
@@ -195,12 +191,13 @@ class ModelReadings:
             shares = [_share("displacement", -force * owned)]
             if model.case.stepper.inertia:
                 shares.append(_share("acceleration", model.mass * ones * owned))
+            if model.memory_laws:
+                shares.append(_share("inelastic_force", -ones))  # every rank has the forces of its own elements
             chosen = np.zeros(len(owned), dtype=bool)
             chosen[component :: model.components] = True
             offset = float(parallel.total(model.comm, float(initial[chosen & owned].sum())))
             found.append((label, shares, offset))
         return found
-
 
     def _initial_force(self, edge: Edge) -> np.ndarray:
         """Return the nodal force of the initial stress on an edge [N], at every local degree of freedom; collective."""
@@ -289,6 +286,6 @@ class SensedPoint:
         return Share(source, *self._place.weights(coefficients))
 
 
-def _share(source: Literal["displacement", "acceleration"], nodal: np.ndarray) -> Share:
+def _share(source: Literal["displacement", "acceleration", "inelastic_force"], nodal: np.ndarray) -> Share:
     places = np.flatnonzero(nodal)
     return Share(source, places, nodal[places])

@@ -29,6 +29,14 @@ def _stiffness(sweep: MemorySweep, moduli: Floats) -> ElementStiffness:
     return ElementStiffness(sweep.nodes_of_cells, moduli, partial(sweep.matrices, moduli))
 
 
+def inelastic_force(model: System, state: State) -> Floats:
+    """Return the force of the inelastic stress at the time of the faults, of the elements of this rank [N]."""
+    force = np.zeros(len(model.mass))
+    for name, sweep in model.memory.items():
+        sweep.add_force(state.at_faults()[1], state.memory[name].copy(), 0.0, force)  # the present stress
+    return force
+
+
 class Memory(Mechanism):
     """State of the points of elements, and the force that the inelastic stress adds to the elastic one.
 
@@ -142,9 +150,7 @@ class Memory(Mechanism):
         energies["strain"] += work - dissipated  # that of the elastic operator is of the whole strain
 
     def add_resistance(self, state: State, force: Floats) -> None:
-        inelastic = np.zeros_like(force)
-        for name, sweep in self.model.memory.items():
-            sweep.add_force(state.at_faults()[1], state.memory[name].copy(), 0.0, inelastic)  # the present stress
+        inelastic = inelastic_force(self.model, state)
         self.model.layout.sum_shared(inelastic)
         force += inelastic
 

@@ -1,9 +1,10 @@
 """Readings of all instruments, each at its own times.
 
-Displacement, velocity, acceleration and the fields of faults are known at different times: in explicit runs at t,
-t - dt / 2, t - dt and t - dt, where t is that of the state. Each is filtered with the bandwidth of its instrument,
-interpolated linearly between its own times, and read at the multiples of the interval: all numbers of a sample are of
-one time, to second order in the step. Ranks do this with their own nodes; only samples are summed.
+Displacement, velocity, acceleration, the fields of faults and the inelastic forces of materials with memory are known
+at different times: in explicit runs at t, t - dt / 2, t - dt, t - dt and t - dt, where t is that of the state. Each is
+filtered with the bandwidth of its instrument, interpolated linearly between its own times, and read at the multiples of
+the interval: all numbers of a sample are of one time, to second order in the step. Ranks do this with their own nodes;
+only samples are summed.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ruptfx import Table
 from ruptfx.instruments import Channel, Instrument, Source
 from ruptfx.instruments._filter import low_pass
 from ruptfx.instruments._readings import ModelReadings, Stresses
+from ruptfx.mechanisms.memory import inelastic_force
 from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
@@ -185,6 +187,8 @@ class Samples:
                 buffer.advance(state.time - half, self._nodal[clock] @ state.velocity)
             elif clock == "acceleration":
                 self._accelerate(buffer, state.time - half, self._nodal[clock] @ state.velocity)
+            elif clock == "inelastic_force":
+                buffer.advance(state.fault_time, self._nodal[clock] @ inelastic_force(self._model, state))
             else:
                 faults = state.faults
                 readings = [weights @ faults[name][field] for (name, field), weights in self._at_faults.items()]

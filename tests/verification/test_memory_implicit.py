@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.small_cases import COMPLIANT, HOMALITE, Given, plates
+from helpers.small_cases import COMPLIANT, HOMALITE, Given, plates, unstressed
 from helpers.whole_runs import whole_and_resumed
+from scipy.integrate import cumulative_simpson, trapezoid
 
 pytest.importorskip("dolfinx")
 
@@ -21,6 +22,7 @@ from ruptfx.meshes import RawMesh
 from ruptfx.model import Model
 from ruptfx.platform import parallel
 from ruptfx.record import Record
+from ruptfx.recording.sampling import Samples
 from ruptfx.steppers.hybrid import HybridMotion
 from ruptfx.support import UnsupportedError
 
@@ -302,6 +304,7 @@ def test_resumed_bitwise(stepper: str, shared_tmp_path: Path) -> None:
     given = pushed(chosen, **{
         "output.checkpoint_steps": 7, "output.interface_interval": 4e-4, "output.bulk_interval": 1e-3,
         "output.bulk_fields": ["stress", "state"],
+        "instruments": [{"kind": "load_cell", "name": "cell", "interval": 4e-4, "edge": "lower.bottom"}],
     })  # fmt: skip
     whole, cut = whole_and_resumed(given, shared_tmp_path / stepper)
     if COMM.rank == 0:
@@ -309,6 +312,7 @@ def test_resumed_bitwise(stepper: str, shared_tmp_path: Path) -> None:
             assert one.energy.identical(other.energy)
             assert one.interface.identical(other.interface)
             assert one.bulk.identical(other.bulk)
+            assert one.instruments["cell"].identical(other.instruments["cell"])
             assert float(one.energy["material_dissipation"][-1]) > 0
 
 
@@ -338,3 +342,112 @@ def test_switch_to_waves_and_back() -> None:
 def test_finite_sliding_is_refused() -> None:
     with pytest.raises(UnsupportedError, match=r"sliding contact .*leapfrog"):
         pushed({"kind": "quasi_static"}, **{"faults.main.sliding": {}})
+
+
+# -- load cells ------------------------------------------------------------------------------------------------------
+
+TOP_CELL = {"kind": "load_cell", "name": "cell", "interval": 0.05, "edge": "rock.top"}
+
+
+def cell_forces(case: Case, comm: Any = COMM) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
+    """Return times [s] and forces [N/m] of the first instrument on all ranks, and the energies at the end."""
+    model = Model(case, comm)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    samples = Samples(model, motion.dt, unstressed)
+    samples.observe(state)
+    while state.fault_time < case.duration * (1 - 1e-9):
+        motion.step(state)
+        samples.observe(state)
+    gathered = samples.gather()
+    times, values = comm.bcast((gathered[0][1], np.array(gathered[0][2])) if gathered else None)
+    return times, values, motion.energies(state)
+
+
+@pytest.mark.parametrize("plane", ["strain", "antiplane", "stress"])
+@pytest.mark.parametrize("material", [FLUID, POLYMER, SOLID], ids=lambda each: each["kind"])
+def test_a_load_cell_measures_relaxation(material: dict[str, Any], plane: str) -> None:
+    """Shear at a constant rate: the force is the side times G times the integral of the relaxation function."""
+    duration, rate = 2 * TIME, 1e-3 / TIME
+    times = np.linspace(0.0, duration, 41)
+    axis = "z" if plane == "antiplane" else "x"
+    boundaries = [moved(axis, times, rate * times), *TIED]
+    if plane == "antiplane":
+        boundaries.append({"kind": "driven", "edge": "rock.bottom", "component": "z", "velocity": 0.0})
+    else:
+        boundaries += [*FIXED, {"kind": "driven", "edge": "rock.top", "component": "y", "velocity": 0.0}]
+    step = duration / 40
+    given = Case.model_validate({
+        "plane": plane, "order": 2, "duration": duration, "mesh": block(2), "boundaries": boundaries,
+        "materials": {"default": material}, "output": {"figures": False},
+        "stepper": {"kind": "quasi_static", "first_step": step, "largest_step": step},
+        "instruments": [{**TOP_CELL, "interval": 2 * step}],
+    })  # fmt: skip
+    found, values, _ = cell_forces(given)
+    fine = np.linspace(0.0, duration, 4001)
+    grown = cumulative_simpson(remaining(material, fine), x=fine, initial=0.0)
+    expected = SIDE * SHEAR * rate * np.interp(found, fine, grown)
+    assert len(found) == 21 and expected[-1] < 0.95 * SIDE * SHEAR * rate * duration
+    np.testing.assert_allclose(values[0], expected, rtol=1e-7, atol=1e-9 * expected[-1])
+
+
+@pytest.mark.parametrize("material", [METAL, KINEMATIC], ids=["isotropic", "kinematic"])
+def test_a_load_cell_measures_yield(material: dict[str, Any]) -> None:
+    """Uniaxial strain, as in `test_uniaxial_strain_of_a_metal`; both ends carry the same force."""
+    times = np.linspace(0.0, 1.0, 21)
+    for edge, sign in (("top", -1.0), ("bottom", 1.0)):
+        given = Case.model_validate({
+            "plane": "strain", "order": 2, "duration": 1.0, "mesh": block(2), "materials": {"default": material},
+            "boundaries": [*FIXED[1:], *SIDES, moved("y", times, -0.03 * times)], "output": {"figures": False},
+            "stepper": {"kind": "quasi_static", "first_step": 0.05, "largest_step": 0.05},
+            "instruments": [{**TOP_CELL, "edge": f"rock.{edge}"}],
+        })  # fmt: skip
+        found, values, _ = cell_forces(given)
+        e = 0.03 * found
+        plastic = np.maximum((2 * SHEAR * e - 2e7) / (3 * SHEAR + 8e8), 0.0)
+        expected = SIDE * (BULK * e + 2 / 3 * (2 * SHEAR * e - 3 * SHEAR * plastic))
+        np.testing.assert_allclose(values[1], sign * expected, rtol=1e-7, atol=1e-9 * expected[-1])
+
+
+STEPS: dict[str, dict[str, Any]] = {
+    "leapfrog": {"kind": "leapfrog", "time_step": 2e-8},
+    "generalized_alpha": {"kind": "generalized_alpha", "scheme": "average_acceleration", "time_step": 1e-7},
+}
+
+
+def blown(material: dict[str, Any], stepper: str, cell: dict[str, Any], edge: str = "upper.left") -> Case:
+    blow = {**PUSH, "edge": edge, "velocity": 10.0, "ramp": 2e-6}
+    given = {**material, "relaxation_time": 2e-6}
+    return pushed(STEPS[stepper], given, duration=8e-6, boundaries=[blow, *HELD], instruments=[cell])
+
+
+@pytest.mark.parametrize("stepper", STEPS)
+@pytest.mark.parametrize("material", [YIELDING, FLUID], ids=lambda each: each["kind"])
+def test_a_free_edge_carries_nothing(material: dict[str, Any], stepper: str) -> None:
+    """Waves pass the upper edge: elastic and inelastic forces and inertia of its nodes are in balance at every time."""
+    step = STEPS[stepper]["time_step"]
+    cell = {"kind": "load_cell", "name": "cell", "interval": step, "edge": "upper.top"}
+    given = blown(material, stepper, cell)
+    _, values, _ = cell_forces(given)
+    pressed = 8e6  # Pa, a fraction of the stress of the blow, rho c_p V = 32 MPa
+    # Average accelerations are known half-way between the times of steps and are interpolated; leapfrog is exact.
+    bound = 1e-9 if stepper == "leapfrog" else 0.02
+    assert np.abs(values[1]).max() < bound * pressed * 12e-3
+
+
+@pytest.mark.parametrize("material", [YIELDING, FLUID], ids=lambda each: each["kind"])
+def test_force_times_velocity_is_the_work(material: dict[str, Any]) -> None:
+    """Of a driven edge off the interface, by the trapezoidal rule at every step."""
+    step = STEPS["leapfrog"]["time_step"]
+    cell = {"kind": "load_cell", "name": "cell", "interval": step, "edge": "upper.top"}
+    times, values, energies = cell_forces(blown(material, "leapfrog", cell, "upper.top"))
+    power = values[0] * 10.0 * np.minimum(times / 2e-6, 1.0)
+    assert trapezoid(power, times) == pytest.approx(energies["boundary_work"], rel=0.01)
+    assert energies["material_dissipation"] > 0.01 * energies["boundary_work"]
+
+
+@pytest.mark.parametrize("stepper", STEPS)
+def test_load_cells_are_the_same_on_any_ranks(stepper: str) -> None:
+    cell = {"kind": "load_cell", "name": "cell", "interval": 4e-7, "edge": "lower.bottom", "bandwidth": 2e6}
+    found = [cell_forces(blown(YIELDING, stepper, cell), comm)[1] for comm in (COMM, fem.MPI.COMM_SELF)]
+    assert np.abs(found[1]).max() > 1e3
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-8, atol=1e-9 * np.abs(found[1]).max())
