@@ -24,6 +24,9 @@ from ruptfx.space.nodes import Nodes, largest_extent
 
 Measure = Literal["x", "arc length", "first tangent"]
 FLAT = 1e-6  # largest deviation from a plane, and of a direction from x, for positions to be x: an error of 1e-12
+HORIZONTAL = 0.05  # largest horizontal part of the unit normal of a surface without dip: 3 degrees
+CLOSED = 1e-9  # length of the mean of unit normals below which a surface is closed and has no mean direction
+ALIGNED = 0.99  # cosine between a normal and the tangent of the mean normal above which the other tangent replaces it
 FARTHEST = 0.01  # of its extent: largest distance from the interface of a point that defines a position
 
 
@@ -94,8 +97,8 @@ class Interface:
     other_side : str
         `meshed`, or without a minus side (`minus` is then `plus`): `rigid`, `antisymmetric`, `symmetric`.
     across : ndarray, shape (n,), or None
-        Of a surface: second position, along the second tangent of the mean normal, zero at its first edge [m]. On a
-        vertical or dipping fault with the x axis along strike this is the distance down dip.
+        Of a surface: second position, along the second tangent of the mean normal, zero at its first edge [m]. Unless
+        the surface is horizontal this is the distance down dip.
     """
 
     points: np.ndarray
@@ -355,7 +358,8 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = _rounded(places["plus"], extent)
-    position, across, number, total, line = _order(comm, points, owned, normal, bodies.reference_normals.get(name))
+    reference = bodies.reference_normals.get(name)
+    position, across, number, total, line, mean = _order(comm, points, owned, normal, reference)
     if ends:  # the interface extends beyond its last points by half of their tributary length
         first, last = (
             parallel.largest(comm, np.where(number == place, 0.5 * ends["plus"].weight, 0.0).max(initial=0.0))
@@ -375,7 +379,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     parallel.raise_on_all(comm, error)
     gone = np.sort(parallel.share_rows(comm, number[owned & taken]))
     number, total = number - np.searchsorted(gone, number), total - len(gone)
-    frame = local_frame(normal) if components > 1 else np.ones((len(plus), 1, 1))
+    frame = local_frame(normal, mean) if components > 1 else np.ones((len(plus), 1, 1))
     # Points in order along the interface, for locality and readable files.
     order = np.flatnonzero(~taken)[np.argsort(number[~taken])]
     return Interface(
@@ -510,13 +514,26 @@ def _areas(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray) -> np.ndarra
     return np.column_stack([weight, normal])
 
 
-def local_frame(normal: np.ndarray) -> np.ndarray:
-    """Return rows normal and tangents of every point, shape (n, dim, dim); in 3D the first tangent is closest to +x."""
+def local_frame(normal: np.ndarray, mean: np.ndarray | None = None) -> np.ndarray:
+    """Return rows normal and tangents of every point, shape (n, dim, dim).
+
+    On a surface the first tangent of the mean normal is horizontal and the second points down dip, as on an extruded
+    line; on horizontal surfaces the first is +x. Tangents of points are the projections of the first one, so that they
+    change continuously along a curved surface.
+
+    Parameters
+    ----------
+    normal : ndarray, shape (n, dim)
+    mean : ndarray, shape (dim,), optional
+        Mean normal of the surface, the first normal without it.
+    """
     if normal.shape[1] == 2:
         return np.stack([normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)], axis=1)
-    toward = np.zeros_like(normal)
-    steep = np.abs(normal[:, 0]) > 0.9
-    toward[~steep, 0] = toward[steep, 1] = 1
+    mean = normal[0] if mean is None else mean
+    x, y, _ = mean
+    along = np.array([y, -x, 0.0]) / np.hypot(x, y) if np.hypot(x, y) > HORIZONTAL else np.array([1.0, 0.0, 0.0])
+    aligned = np.abs(normal @ along) > ALIGNED
+    toward = np.where(aligned[:, None], np.cross(mean, along), along)
     first = toward - normal * np.sum(normal * toward, axis=1, keepdims=True)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([normal, first, np.cross(normal, first)], axis=1)
@@ -524,8 +541,10 @@ def local_frame(normal: np.ndarray) -> np.ndarray:
 
 def _order(
     comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray, reference: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, int, Line]:
-    """Return positions along and across and global index of points, number of all points, definition of positions.
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, int, Line, np.ndarray]:
+    """Return positions and global index of points, number of all points, definition of positions, mean normal.
+
+    Positions are those along the interface and across it.
 
     Parameters
     ----------
@@ -537,7 +556,9 @@ def _order(
     """
     everything = parallel.share_rows(comm, np.hstack([points, normal])[owned])
     places, normals = np.split(everything, 2, axis=1)
-    mean = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
+    mean = normals.mean(axis=0)
+    size = np.linalg.norm(mean)
+    mean = mean / size if size > CLOSED else np.eye(len(mean))[-1]
     if reference is not None:
         mean = reference / np.linalg.norm(reference) * np.sign(reference @ mean)
     along, extent = local_frame(mean[None])[0, 1], np.ptp(places, axis=0).max()
@@ -562,6 +583,6 @@ def _order(
         across = _rounded(down - down.min(), extent)
     if len(points) == 0:
         none = np.zeros(0)
-        return none, None if across is None else none, np.zeros(0, dtype=np.int64), len(places), line
+        return none, None if across is None else none, np.zeros(0, dtype=np.int64), len(places), line, mean
     _, number = closest(points, places)
-    return position[number], None if across is None else across[number], number, len(places), line
+    return position[number], None if across is None else across[number], number, len(places), line, mean

@@ -20,8 +20,8 @@ class FaultReceiver(Instrument):
     """Slip, slip rate, tractions, opening and the state of the law at a position of an interface.
 
     In 2D at a position, linear between the two points next to it; in 3D at a point, by the shape functions of the
-    elements there, and along both tangents: the first is the direction of the interface closest to x, the second is
-    normal x first.
+    elements there, and along both tangents: the first is horizontal, the second points down dip; on a horizontal
+    interface they are x and normal x first.
     """
 
     example: ClassVar[str] = '{ kind = "fault_receiver", name = "fault", interval = 2e-7, position = 5.3e-3 }'

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.small_cases import COMPLIANT, HOMALITE, march, slip_weakening, strike_slip
+from helpers.small_cases import COMPLIANT, HOMALITE, branched, march, slip_weakening, strike_slip
+from scipy.spatial import cKDTree
 
 pytest.importorskip("dolfinx")
 
@@ -17,6 +18,7 @@ from helpers.messages import facts
 
 from ruptfx import simulate
 from ruptfx.case import parse_case
+from ruptfx.faults.interface import local_frame
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
 
@@ -28,9 +30,10 @@ BODIES = ("upper", "lower")
 def extruded(flat: dict[str, Any], layers: int, fixed: str) -> dict[str, Any]:
     """The solid above a plane case, with components of the motion fixed on both faces."""
     mesh = {"kind": "extruded", "section": flat["mesh"], "thickness": 3e-3, "layers": layers}
+    bodies = ("plus", "minus", "wedge") if flat["mesh"]["kind"] == "branched_fault" else BODIES
     faces = [
         {"kind": "driven", "edge": f"{body}.{face}", "component": component, "velocity": 0.0}
-        for body in BODIES for face in ("front", "back") for component in fixed
+        for body in bodies for face in ("front", "back") for component in fixed
     ]  # fmt: skip
     return {**copy.deepcopy(flat), "mesh": mesh, "plane": "solid", "boundaries": [*flat.get("boundaries", []), *faces]}
 
@@ -66,6 +69,47 @@ def test_an_extruded_section_moves_as_the_plane(plane: str, fixed: str, rake: fl
     for name in ("kinetic", "strain", "frictional_dissipation", "boundary_work"):
         wanted, found = (model.energies(state)[name] for model, state in ((model_2, state_2), (model_3, state_3)))
         np.testing.assert_allclose(found, 3e-3 * wanted, rtol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("angle", [-35.0, 140.0, -150.0])
+def test_an_extruded_branch_moves_as_the_plane(angle: float) -> None:
+    """Both faults have the tangents, positions and motion of the section, also where a branch points backwards."""
+    flat = branched({
+        "order": 2, "duration": 4e-6, "mesh.angle": angle, "mesh.element_size": 2e-3, "mesh.growth": 1.3,
+        "stepper.time_step": 2e-8,
+    })  # fmt: skip
+    flat["faults"]["main"]["initial_stress"]["shear"]["center"] = -2e-3
+    solid = extruded(flat, 2, "z")
+    (model_2, _, state_2), (model_3, _, state_3) = march(parse_case(flat)), march(parse_case(solid))
+    assert state_2.faults["main"]["slip"].max() > 5e-7
+    for one, other in zip(model_2.faults, model_3.faults, strict=True):
+        distance, column = cKDTree(one.interface.points).query(other.interface.points[:, :2])
+        assert distance.max() < 1e-12
+        np.testing.assert_allclose(other.interface.position, one.interface.position[column], atol=1e-12)
+        np.testing.assert_allclose(other.interface.across, 3e-3 - other.interface.points[:, 2], atol=1e-12)
+        fields_2, fields_3 = state_2.faults[one.name], state_3.faults[other.name]
+        for of_2, of_3 in (("slip", "slip_1"), ("shear_traction", "shear_traction_1"), ("normal_stress",) * 2):
+            scale = np.abs(fields_2[of_2]).max()
+            np.testing.assert_allclose(fields_3[of_3], fields_2[of_2][column], atol=1e-9 * scale, err_msg=of_3)
+
+
+def test_frames_of_a_curved_surface_are_continuous() -> None:
+    """A vertical surface that bends by 120 degrees around the mean normal, and one that dips from 20 to 80 degrees."""
+    bend = np.deg2rad(np.linspace(-60, 60, 121))
+    for turn in np.deg2rad(np.arange(0, 360, 15)):
+        mean = np.array([np.cos(turn), np.sin(turn), 0.0])
+        vertical = np.stack([np.cos(turn + bend), np.sin(turn + bend), 0 * bend], axis=1)
+        dipping = np.deg2rad(50 + bend * 90 / np.pi)[:, None]
+        listric = np.sin(dipping) * mean + np.cos(dipping) * [0.0, 0.0, 1.0]
+        for normals in (vertical, listric):
+            frame = local_frame(normals, normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0)))
+            np.testing.assert_allclose(frame @ frame.transpose(0, 2, 1), np.broadcast_to(np.eye(3), frame.shape),
+                                       atol=1e-12)  # fmt: skip
+            assert np.all(np.linalg.det(frame) > 0)
+            np.testing.assert_allclose(frame[:, 1, 2], 0, atol=1e-12)  # horizontal
+            assert np.all(frame[:, 2, 2] < -0.3)  # down: sin(20 degrees) at least
+            # A degree from point to point.
+            assert np.abs(np.diff(frame, axis=0)).max() < 1.01 * np.deg2rad(1)
 
 
 @pytest.mark.parametrize("dip, top", [(90.0, 0.0), (60.0, 0.0), (45.0, 2e-3)])
