@@ -15,6 +15,7 @@ being the factors of the objective on u and v:
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
@@ -384,13 +385,20 @@ class _Backward:
 
     def __init__(self, motion: LeapfrogMotion, keep: list[Floats], push: list[Floats]) -> None:
         self._model, self._motion, self._keep, self._push = motion.model, motion, keep, push
-        operator = self._model.operator
-        fuses = isinstance(operator, FusedOperator) and all(kick.plain_keep == 1 for kick in motion.nodes.kicks)
-        self._fused = operator if fuses and isinstance(operator, FusedOperator) else None
-        size = len(self._model.mass)
-        self._dofs: NDArray[np.int64] | slice = motion.nodes.dofs if self._fused else slice(None)
-        self._stepped = np.zeros(size, dtype=bool)
-        self._stepped[self._dofs] = True
+        model, size = self._model, len(self._model.mass)
+        fuses = isinstance(model.operator, FusedOperator) and all(kick.plain_keep == 1 for kick in motion.nodes.kicks)
+        self._fused: FusedOperator | None = None
+        self._stepped = np.ones(size, dtype=bool)
+        self._dofs: NDArray[np.int64] | slice = slice(None)
+        if fuses:
+            stepped = np.zeros(model.nodes, dtype=bool)
+            stepped[motion.nodes.dofs // model.components] = True
+            if model.viscosity is not None:  # its transpose acts on b after the sweep
+                stepped |= model.viscosity.nodes
+            self._fused = cast("FusedOperator", copy.copy(model.operator))
+            self._fused.prepare_step(stepped)
+            self._stepped = np.repeat(stepped, model.components)
+            self._dofs = np.flatnonzero(self._stepped)
         self.a, self.b = np.zeros(size), np.zeros(size)
         self._d, self._v = np.zeros(size), np.zeros(size)
         self._viscous = np.zeros(size)

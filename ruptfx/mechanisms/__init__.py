@@ -310,8 +310,9 @@ def kinds() -> tuple[type[Mechanism], ...]:
     """Return the mechanisms in the files of this folder, in calling order."""
     files = [each.name for each in pkgutil.iter_modules(__path__) if not each.name.startswith("_")]
     modules = [import_module(f"{__name__}.{name}") for name in files]
-    classes = [each for module in modules for each in vars(module).values() if isinstance(each, type)]
-    found = {each for each in classes if issubclass(each, Mechanism) and each is not Mechanism}
+    own = [each for module in modules for each in vars(module).values() if isinstance(each, type)
+           and each.__module__ == module.__name__]  # fmt: skip
+    found = [each for each in own if issubclass(each, Mechanism)]
     return tuple(sorted(found, key=lambda each: (each.order, each.__name__)))
 
 

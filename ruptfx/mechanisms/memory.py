@@ -7,17 +7,17 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ruptfx.fields import Energy
-from ruptfx.mechanisms import ElementStiffness, Floats, Mechanism, Reaction, Rows, StepEnd
+from ruptfx.mechanisms import ElementStiffness, Floats, Reaction, Rows, StepEnd
 from ruptfx.mechanisms._check_table import Row
+from ruptfx.mechanisms._inserted import InsertedForce
 from ruptfx.operators import FusedOperator, Inelastic
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan
-    from ruptfx.mechanisms._nodes import Kick, SteppedNodes
+    from ruptfx.mechanisms._nodes import Kick
     from ruptfx.mechanisms._system import System
     from ruptfx.operators._memory import MemorySweep
     from ruptfx.state import FaultState, State
@@ -37,7 +37,7 @@ def inelastic_force(model: System, state: State) -> Floats:
     return force
 
 
-class Memory(Mechanism):
+class Memory(InsertedForce):
     """State of the points of elements, and the force that the inelastic stress adds to the elastic one.
 
     The bulk kernel calls the sweep before that of its own elements, block by block, and advances nodes with both
@@ -50,7 +50,6 @@ class Memory(Mechanism):
 
     def __init__(self, model: System) -> None:
         super().__init__(model)
-        self._force: Floats = np.zeros(len(model.mass))
         if isinstance(model.operator, FusedOperator):
             self.inelastic = Inelastic(list(model.memory.values()), self._force, np.zeros(2))
 
@@ -62,13 +61,8 @@ class Memory(Mechanism):
         state.memory = {name: sweep.begin() for name, sweep in self.model.memory.items()}
         state.energy |= {WORK: 0.0, HALF: 0.0}
 
-    def bind(self, stepped: SteppedNodes) -> None:
-        self._dofs, self._index = stepped.dofs, stepped.index
-        shared = np.repeat(self.model.layout.shared, self.model.components)[self._dofs]
-        self._shared, self._others = self._dofs[shared], self._dofs[~shared]
-
     def add_first(self, state: State, kick: Kick) -> None:
-        self._before = state.velocity[self._index].copy()
+        super().add_first(state, kick)
         if self.inelastic is not None:
             self.inelastic.states = [state.memory[name] for name in self.model.memory]
             self.inelastic.dt = kick.clock.since
@@ -78,24 +72,8 @@ class Memory(Mechanism):
             sweep.add_force(state.displacement, state.memory[name], kick.clock.since, self._force)
         state.force += self._force
 
-    def add_with_elements(self, state: State, kick: Kick) -> None:
-        if self.inelastic is not None:
-            state.force[self._shared] += self._force[self._shared]
-
-    def add_internal(self, state: State, kick: Kick) -> None:
-        if self.inelastic is not None:
-            state.force[self._others] += self._force[self._others]
-
-    def outside_energy(self) -> list[tuple[NDArray[np.int64] | slice, Floats]]:
-        return [] if self.inelastic is None else [(self._index, self._force[self._index].copy())]
-
     def account(self, state: State, kick: Kick) -> None:
-        force = self._force[self._index]
-        before, after = float(force @ self._before), float(force @ state.velocity[self._index])
-        if self.inelastic is not None:
-            before, after = before + self.inelastic.power[0], after + self.inelastic.power[1]
-            self.inelastic.power[:] = 0
-            self._force[self._index] = 0
+        before, after = self.powers(state)
         state.energy[WORK] -= 0.5 * kick.clock.kick * (before + after)
         state.energy[HALF] = -0.5 * kick.clock.dt * after
 

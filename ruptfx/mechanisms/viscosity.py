@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ruptfx.fields import OF_VISCOSITY
 from ruptfx.mechanisms import Floats, Mechanism
-from ruptfx.operators import Damped, FusedOperator
+from ruptfx.mechanisms._inserted import InsertedForce
+from ruptfx.operators import Damped, FusedOperator, Inelastic
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
@@ -34,7 +35,7 @@ class KelvinVoigt(Mechanism):
 
     @classmethod
     def present(cls, model: System) -> bool:
-        return model.viscosity is not None
+        return model.viscosity is not None and not ViscousLayer.present(model)
 
     def nodes(self) -> NDArray[np.bool_]:
         return super().nodes() if self.damped is not None else self._viscosity.nodes
@@ -90,3 +91,38 @@ class KelvinVoigt(Mechanism):
         self.damped.lost[:] = 0
         self._force[here] = 0
         state.energy["damping"] += lost * kick.clock.kick
+
+
+class ViscousLayer(InsertedForce):
+    """Damping of some elements in the sweep of the bulk kernel, block by block before their elastic force.
+
+    The kernel has one such force: in cases with a material with memory, `KelvinVoigt` damps the layer.
+    """
+
+    order = 20
+    adjoint = True
+
+    def __init__(self, model: System) -> None:
+        super().__init__(model)
+        assert model.viscosity is not None
+        assert isinstance(model.viscosity.operator, FusedOperator)
+        layer = model.viscosity.operator.viscous_sweep(model.viscosity.eta)
+        self.inelastic = Inelastic([layer] if model.viscosity.nodes.any() else [], self._force, np.zeros(2))
+
+    @classmethod
+    def present(cls, model: System) -> bool:
+        viscosity = model.viscosity
+        return (
+            viscosity is not None and not viscosity.everywhere and not viscosity.rotates
+            and isinstance(model.operator, FusedOperator) and isinstance(viscosity.operator, FusedOperator)
+            and not any(material.has_memory() for material in model.materials)
+        )  # fmt: skip
+
+    def add_first(self, state: State, kick: Kick) -> None:
+        super().add_first(state, kick)
+        assert self.inelastic is not None
+        self.inelastic.states = [state.velocity] * len(self.inelastic.sweeps)
+
+    def account(self, state: State, kick: Kick) -> None:
+        before, after = self.powers(state)
+        state.energy["damping"] -= 0.5 * kick.clock.kick * (before + after)

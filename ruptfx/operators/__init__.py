@@ -195,7 +195,7 @@ class Damped:
 
 
 class InsertedSweep(Protocol):
-    """Compiled sweep over the elements of one material with memory, which a bulk kernel calls."""
+    """Compiled sweep over elements with a stress that is not elastic, which a bulk kernel calls."""
 
     batches: np.ndarray
     """Local cells, shape (batches, lanes); padding cells repeat others."""
@@ -206,7 +206,7 @@ class InsertedSweep(Protocol):
 
 @dataclass
 class Inelastic:
-    """Inelastic stress of materials with memory in a step.
+    """Stress in a step that is not elastic: of materials with memory, or Kelvin-Voigt damping of some elements.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class Inelastic:
     power : ndarray, shape (2,)
         Sums to which the power of the force at updated nodes is added [W]: with the old and with the new velocity.
     states : list of ndarray
-        States of the points of each sweep, advanced in the step.
+        States of the points of each sweep, advanced in the step; of damping the velocities.
     dt : float
         Time since the last advance of the states [s].
     """
@@ -241,6 +241,9 @@ class FusedOperator(Operator, Protocol):
 
         Nodes shared with other ranks are always left to the caller.
         """
+
+    def viscous_sweep(self, eta: float) -> InsertedSweep:
+        """Return the damping of its elements, the force -eta K v, for steps of another operator."""
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,

@@ -4,7 +4,6 @@
 //
 // LARGE_ROTATIONS: strains U - 1 of 1 + grad u = R U, in triangles; another number, 1 / sqrt(det J), follows the geometry.
 // AXISYMMETRIC: around the first axis, the second component and coordinate being the radius.
-// MEMORY: some bodies have an inelastic stress, which sweeps of their own compute.
 // VARIES: there are elements in which moduli vary; the kind of their batches is that of the geometry plus VARYING.
 // ANISOTROPIC: the moduli of an element are the rows of its stiffness up to the diagonal; else lambda and the shear modulus.
 //
@@ -44,11 +43,12 @@ struct plan {
     const lanes *number;           // moduli, those of the nodes where they vary, geometry; axisymmetric: 2 pi r and 1 / r of the nodes, sizes
     const int *line;               // [batches + 1][NODES * FETCH]: cache lines to ask for in advance
     const int *block;              // [blocks + 1]: first batch of every block
-    const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
-    const int *single, *single_start;  // the others of these nodes
+    // Nodes no later element touches: first of LANES in a row, [blocks + 1], and [blocks] how far those with a force of `inelastic` go.
+    const int *row, *row_start, *row_split;
+    const int *single, *single_start, *single_split;  // the others of these nodes
 };
 
-// Elements of a material with memory, whose batches are computed before the elements of the block that touch the same nodes.
+// Elements with a stress that is not elastic, whose batches are computed before the elements of the block that touch the same nodes.
 struct memory;
 struct sweep {
     void (*add_force)(const struct plan *, const struct memory *, long, long, double, const double *, double *);
@@ -535,6 +535,14 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
         }
 }
 
+// The force -eta K v as a sweep of `inelastic`: the moduli of the plan are multiplied by eta, and in place of memory there is v.
+void add_viscous_sweep(const struct plan *plan, const struct memory *velocity, long first, long last, double dt,
+                       const double *u, double *force)
+{
+    (void)dt, (void)u;
+    add_internal_force(plan, first, last, (const double *)velocity, force);
+}
+
 #if LARGE_ROTATIONS
 // Subtract the forces of the viscous stress C : dE/dt of Green's strain E, which no rotation changes: with F = 1 + grad u, stress
 // F (lambda tr(E') + 2 G E') and E' = sym(F^T grad v).
@@ -673,20 +681,25 @@ INLINE void advance_row(const int damped, const int kind, const int measured, co
 
 #define ROWS_AHEAD 6
 
-INLINE double advance_block(const int damped, const int kind, const int measured, const struct motion *motion,
+// Nodes of a block: all, those with a force of `inelastic`, or those without.
+enum { ALL, WITH, WITHOUT };
+
+INLINE double advance_block(const int damped, const int kind, const int measured, const int part, const struct motion *motion,
                             const struct plan *plan, long block, double *energy)
 {
     lanes row_sum = {0}, row_lost = {0}, row_power[2] = {{0}}, row_energy[2] = {{0}};
     double sum = 0;
-    const long end = plan->row_start[block + 1];
-    for (long r = plan->row_start[block]; r < end; r++) {
+#define FIRST(what) (part == WITHOUT ? plan->what##_split[block] : plan->what##_start[block])
+#define END(what) (part == WITH ? plan->what##_split[block] : plan->what##_start[block + 1])
+    const long end = END(row);
+    for (long r = FIRST(row); r < end; r++) {
         // Rows are too short for the processor to prefetch by itself what the elements have not touched.
         const long ahead = plan->row[r + ROWS_AHEAD < end ? r + ROWS_AHEAD : end - 1];
         UNROLL for (int k = 0; k < COMPONENTS; k++) __builtin_prefetch(motion->velocity + ahead * COMPONENTS + 8 * k, 1);
         __builtin_prefetch(motion->inverse_mass + ahead, 0);
         advance_row(damped, kind, measured, motion, plan->row[r], &row_sum, &row_lost, row_power, row_energy);
     }
-    for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
+    for (long n = FIRST(single); n < END(single); n++)
         sum += advance_node(damped, kind, measured, motion, plan->single[n], energy);
     if (damped)
         UNROLL for (int l = 0; l < LANES; l++) sum += row_sum[l];
@@ -705,9 +718,9 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
             const double *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost,
             const struct inelastic *inelastic)
 {
-#define ADVANCE(damped, kind) \
-    (energy ? advance_block(damped, kind, 1, &motion, plan, block, energy) \
-            : advance_block(damped, kind, 0, &motion, plan, block, energy))
+#define ADVANCE(damped, kind, part) \
+    (energy ? advance_block(damped, kind, 1, part, &motion, plan, block, energy) \
+            : advance_block(damped, kind, 0, part, &motion, plan, block, energy))
     const struct motion motion = {
         u, v, force, inverse_mass, dt, decay, inelastic ? inelastic->force : viscous, lost, inelastic ? inelastic->power : 0,
     };
@@ -716,27 +729,20 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
 #if VISCID
         if (viscous) {
             add_damped_force(plan, plan->block[block], plan->block[block + 1], eta, u, v, force, viscous);
-            sum += decay == 1 ? ADVANCE(0, VISCOUS) : ADVANCE(1, VISCOUS);
+            sum += decay == 1 ? ADVANCE(0, VISCOUS, ALL) : ADVANCE(1, VISCOUS, ALL);
             continue;
         }
 #else
         (void)eta;
 #endif
-#if MEMORY
         for (long k = 0; inelastic && k < inelastic->sweeps; k++) {
             const struct sweep *const sweep = inelastic->sweep + k;
             const long begun = block ? sweep->end[block - 1] : 0;
             sweep->add_force(sweep->plan, sweep->memory, begun, sweep->end[block], inelastic->dt, u, inelastic->force);
         }
-#endif
         add_internal_force(plan, plan->block[block], plan->block[block + 1], u, force);
-#if MEMORY
-        if (inelastic) {
-            sum += decay == 1 ? ADVANCE(0, INELASTIC) : ADVANCE(1, INELASTIC);
-            continue;
-        }
-#endif
-        sum += decay == 1 ? ADVANCE(0, ELASTIC) : ADVANCE(1, ELASTIC);
+        if (inelastic) sum += decay == 1 ? ADVANCE(0, INELASTIC, WITH) : ADVANCE(1, INELASTIC, WITH);
+        sum += decay == 1 ? ADVANCE(0, ELASTIC, WITHOUT) : ADVANCE(1, ELASTIC, WITHOUT);
     }
     return sum;
 }

@@ -7,6 +7,7 @@ the node may move on within the same sweep.
 
 from __future__ import annotations
 
+import copy
 import ctypes
 from collections.abc import Sequence
 from importlib.resources import files
@@ -31,7 +32,8 @@ class _Plan(ctypes.Structure):
     """`struct plan` of the C source."""
 
     _fields_ = [(name, ctypes.c_void_p) for name in (
-        "dof", "kind", "start", "number", "line", "block", "row", "row_start", "single", "single_start",
+        "dof", "kind", "start", "number", "line", "block",
+        "row", "row_start", "row_split", "single", "single_start", "single_split",
     )]  # fmt: skip
 
 
@@ -76,7 +78,6 @@ class MatrixFree:
         lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
         kernel = files(__package__).joinpath("matrix_free.c").read_text()
         extras = "#define VARIES 1\n" * (bulk.variation is not None)
-        extras += "#define MEMORY 1\n" * any(material.has_memory() for material in bulk.materials)
         self._library = native.load("matrix_free", extras + constants + lanes + kernel)
         self._library.step.restype = self._library.strain_energy.restype = ctypes.c_double
         self._plan = _Plan()
@@ -91,7 +92,8 @@ class MatrixFree:
             self._hold(name, array)
         plain = is_tensor(space.mesh) and bulk.plane != "axisymmetric" and (kind % VARYING).max(initial=BOX) <= AFFINE
         self._root = root_of_size(space.mesh, cells) if plain else None
-        self._cell_nodes = len(permutation)
+        self._cell_nodes, self._nodes_of_cells = len(permutation), space.dofmap.list
+        self._moduli = bulk.moduli(cells[:1])[0].shape[-1]
         linear_simplex = not (is_tensor(space.mesh) or bulk.large_rotations)
         self._damps = linear_simplex and self._components == space.mesh.topology.dim
         connected = BLOCK_NODES if space.mesh.topology.dim == 2 else BLOCK_NODES_3D
@@ -173,12 +175,29 @@ class MatrixFree:
         done_in[by_caller | self._shared] = -1
         nodes = np.argsort(done_in, kind="stable")[np.count_nonzero(done_in < 0) :].astype(np.int32)
         in_row = _rows(nodes, done_in[nodes], node.shape[2])
-        for name, which in (("row", in_row == 0), ("single", in_row < 0)):
-            self._hold(name, np.ascontiguousarray(nodes[which]))
-            starts = np.searchsorted(done_in[nodes[which]], np.arange(self._blocks + 1))
-            self._hold(f"{name}_start", starts.astype(np.int32))
+        touched = np.zeros(self._nodes, dtype=bool)
+        for sweep in sweeps:
+            touched[self._nodes_of_cells[sweep.batches]] = True
+        for name, which, count in (("row", in_row == 0, node.shape[2]), ("single", in_row < 0, 1)):
+            chosen = nodes[which]
+            without = ~touched[chosen[:, None] + np.arange(count)].any(axis=1)
+            order = np.lexsort((without, done_in[chosen]))  # in a block those with an inserted force first
+            starts = np.searchsorted(2 * done_in[chosen[order]] + without[order], np.arange(2 * self._blocks + 1))
+            self._hold(name, np.ascontiguousarray(chosen[order]))
+            self._hold(f"{name}_start", starts[::2].astype(np.int32))
+            self._hold(f"{name}_split", starts[1::2].astype(np.int32))
         self._hold("block", first.astype(np.int32))
         self._ends = [self._end_in_blocks(first, sweep.batches) for sweep in sweeps]
+
+    def __copy__(self) -> MatrixFree:
+        """Return an operator with the same elements, for which other steps can be prepared."""
+        new = object.__new__(type(self))
+        new.__dict__ = self.__dict__ | {"_plan": _Plan.from_buffer_copy(self._plan), "_keep": dict(self._keep)}
+        return new
+
+    def viscous_sweep(self, eta: float) -> ViscousSweep:
+        """Return the damping of the elements, the force -eta K v, for steps of another operator."""
+        return ViscousSweep(self, eta)
 
     def _end_in_blocks(self, first: np.ndarray, batches: np.ndarray) -> np.ndarray:
         """Return how many batches of a sweep must be complete before each block of elements.
@@ -254,6 +273,7 @@ class MatrixFree:
         energy: np.ndarray | None, damped: Damped | None, inelastic: Inelastic | None,
     ) -> float:  # fmt: skip
         assert damped is None or inelastic is None
+        assert inelastic is not None or not self._ends, "nodes of inserted sweeps need their force"
         *vectors, inverse_mass = arrays
         return self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*vectors),
@@ -329,6 +349,35 @@ class MatrixFree:
             groups.append(np.r_[group, group[-1:].repeat(spare)].reshape(-1, lanes))
             fillers.append(np.arange(groups[-1].size).reshape(-1, lanes) >= len(group))
         return np.concatenate(groups), np.concatenate(fillers), len(groups[0])
+
+
+class ViscousSweep:
+    """`InsertedSweep` of the Kelvin-Voigt damping of elements; its state is the velocity of all nodes.
+
+    Parameters
+    ----------
+    operator : MatrixFree
+        Of the elements that are damped.
+    eta : float
+        [s]
+    """
+
+    def __init__(self, operator: MatrixFree, eta: float) -> None:
+        self.batches, self._operator = operator.batches, copy.copy(operator)
+        kept = self._operator._keep
+        number, start, varying = native.aligned(kept["number"].shape), kept["start"], kept["kind"] >= VARYING
+        number[:] = kept["number"]
+        moduli = operator._moduli
+        for count, batches in ((moduli, ~varying), (moduli * (1 + operator._cell_nodes), varying)):
+            number[start[batches, None] + np.arange(count)] *= eta
+        self._operator._hold("number", number)
+        function = ctypes.cast(operator._library.add_viscous_sweep, ctypes.c_void_p).value
+        assert function is not None
+        self._function = function
+
+    def call(self, state: np.ndarray) -> tuple[int, int, int]:
+        """Return the addresses of the C function, of its plan and of the velocities."""
+        return self._function, ctypes.addressof(self._operator._plan), state.ctypes.data
 
 
 def _refuse_unknown(bulk: Bulk) -> None:

@@ -1,0 +1,76 @@
+"""Kelvin-Voigt damping of some elements in the sweep of the bulk kernel, and by an operator of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.small_cases import HOMALITE, plates
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import fem
+from ruptfx.case import Case, parse_case
+from ruptfx.mechanisms.viscosity import KelvinVoigt, ViscousLayer
+from ruptfx.model import Model
+from ruptfx.operators import matrix_free
+from ruptfx.operators.matrix_free import MatrixFree
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+PUSH = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 20.0, "ramp": 1e-6}
+VARYING = {**HOMALITE, "young_modulus": {
+    "kind": "random", "mean": 4e9, "standard_deviation": 5e8, "correlation_length": 1e-3, "seed": 4,
+}}  # fmt: skip
+FIBRES = {
+    "kind": "orthotropic_elastic", "density": 1600.0, "E_1": 80e9, "E_2": 9e9, "E_3": 9e9, "nu_12": 0.25,
+    "nu_13": 0.25, "nu_23": 0.4, "G_12": 4e9, "G_13": 4e9, "G_23": 3e9, "angle": 0.4,
+}  # fmt: skip
+
+
+def stepped(
+    case: Case, comm: Any = fem.MPI.COMM_WORLD
+) -> tuple[dict[str, float], np.ndarray, MatrixFree | None, list[Any]]:
+    """Return energies and displacement after 60 steps, the operator and the mechanisms."""
+    model = Model(case, comm)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    for _ in range(60):
+        state.wants_energies = True
+        motion.step(state)
+    operator = model.operator if isinstance(model.operator, MatrixFree) else None
+    energies = motion.energies(state)
+    return energies, state.displacement, operator, motion.mechanisms
+
+
+@pytest.mark.parametrize("changes", [
+    {}, {"damping.kelvin_voigt": {"bodies": ["lower"], "fraction": 0.3}}, {"materials.default": VARYING},
+    {"materials.lower": FIBRES}, {"damping.mass": 1e4}, {"plane": "antiplane"},
+])  # fmt: skip
+def test_in_the_sweep_and_apart_are_equal(monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any]) -> None:
+    """Blocks are so small that damped nodes move on before most elements are computed."""
+    monkeypatch.setattr(matrix_free, "BLOCK_NODES", 64)
+    found = []
+    for operator in ("matrix_free", "ufl_form"):
+        push = PUSH if changes.get("plane") != "antiplane" else {**PUSH, "component": "z"}
+        energies, displacement, kernel, mechanisms = stepped(parse_case(plates({
+            "plane": "strain", "boundaries": [push], "operator": operator, "mesh.element_size": 5e-4,
+            "damping.kelvin_voigt": {"fraction": 0.3}, **changes,
+        })))  # fmt: skip
+        damping = [type(each) for each in mechanisms if isinstance(each, KelvinVoigt | ViscousLayer)]
+        assert damping == [ViscousLayer if kernel else KelvinVoigt]
+        if kernel:
+            assert kernel._blocks > 8
+            assert energies["damping"] > 0
+        found.append([np.array([*energies.values()]), displacement])
+    for fused, apart in zip(*found, strict=True):
+        np.testing.assert_allclose(fused, apart, rtol=1e-9, atol=1e-11 * np.abs(apart).max())
+
+
+def test_steps_for_inserted_sweeps_need_their_force() -> None:
+    """Their nodes would not move on."""
+    *_, kernel, _ = stepped(parse_case(plates({"boundaries": [PUSH], "damping.kelvin_voigt": {"fraction": 0.3}})))
+    assert kernel is not None
+    vectors = [np.zeros(kernel._nodes * 2) for _ in range(3)]
+    with pytest.raises(AssertionError, match="inserted sweeps"):
+        kernel.step(*vectors, np.ones(kernel._nodes), 1e-9)
