@@ -45,7 +45,7 @@ def stepped(
 
 @pytest.mark.parametrize("changes", [
     {}, {"damping.kelvin_voigt": {"bodies": ["lower"], "fraction": 0.3}}, {"materials.default": VARYING},
-    {"materials.lower": FIBRES}, {"damping.mass": 1e4}, {"plane": "antiplane"},
+    {"materials.lower": FIBRES}, {"damping.mass": 1e4}, {"plane": "antiplane"}, {"order": 5},
 ])  # fmt: skip
 def test_in_the_sweep_and_apart_are_equal(monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any]) -> None:
     """Blocks are so small that damped nodes move on before most elements are computed."""
