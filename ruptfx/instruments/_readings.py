@@ -87,7 +87,7 @@ class ModelReadings:
         place = Inside(self.model, point, body, key, field, self._boxes, first)
         return SensedPoint(self, place, point)
 
-    def at_fault(self, name: str, place: float | Sequence[float], key: str) -> list[Channel]:
+    def at_fault(self, name: str, place: float | Sequence[float], key: str, field: str = "position") -> list[Channel]:
         """Return a channel for every field of an interface at a position; collective.
 
         Parameters
@@ -96,7 +96,8 @@ class ModelReadings:
         place : float or sequence of float
             In 2D the position [m], linear between its points; in 3D the coordinates [m] of a point of it, by the shape
             functions of its elements.
-        key : str
+        key, field : str
+            Of the case, for messages; `field` that of a position.
 
         Raises
         ------
@@ -108,19 +109,22 @@ class ModelReadings:
             raise CaseError(f"{key}.fault = '{name}': no such interface, {nearest(name, list(known))}")
         fault = known[name]
         face = fault.interface
-        weights = self._along(face, place, key) if isinstance(place, float) else self._on(fault, place, key)
+        if isinstance(place, float):
+            weights = self._along(face, place, f"{key}.{field}")
+        else:
+            weights = self._on(fault, place, key)
         here = np.flatnonzero(face.owned & np.isin(face.number, list(weights)))
         mine = np.array([weights[int(number)] for number in face.number[here]])
         found = []
-        for field in FIELDS:
-            for number, label in enumerate(field.names(fault.tangents) if field.recorded else ()):
-                text = field.long_name
-                if label != field.name:
+        for each in FIELDS:
+            for number, label in enumerate(each.names(fault.tangents) if each.recorded else ()):
+                text = each.long_name
+                if label != each.name:
                     # A rank without such points contributes nothing.
                     tangent = parallel.total(self.model.comm, mine @ face.frame[here, 1 + number])
                     along = ", ".join(f"{value:.3g}" for value in tangent / np.linalg.norm(tangent) + 0.0)
                     text += f" along tangent {number + 1}, ({along})"
-                found.append(Channel(label, field.unit, text, [Share((name, label), here, mine)]))
+                found.append(Channel(label, each.unit, text, [Share((name, label), here, mine)]))
         for label, unit in fault.state_fields().items():
             found.append(Channel(label, unit, f"state variable {label}", [Share((name, label), here, mine)]))
         return found
@@ -130,7 +134,7 @@ class ModelReadings:
         slack = 1e-9 * face.line.length
         if not face.line.first - slack <= position <= face.line.last + slack:
             raise CaseError(
-                f"{key}.position = {position:.6g} m: must be on the interface, {face.line.first:.6g} to "
+                f"{key} = {position:.6g} m: must be on the interface, {face.line.first:.6g} to "
                 f"{face.line.last:.6g} m"
             )
         rows = parallel.share_rows(self.model.comm, np.column_stack([face.number, face.position])[face.owned])

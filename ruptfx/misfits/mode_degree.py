@@ -83,6 +83,8 @@ class ModeDegree(Misfit):
                 f"{key}.interval = {self.interval:g} s: at most a quarter of duration = {duration:g} s; shorten it"
             )
         times = np.arange(0.0, duration * (1 - 1e-9), self.interval)
+        for end in ("loaded_end", "far_end"):  # what is between them is then on the interface
+            bodies.at_fault(self.fault, getattr(self, end), key, end)
         found: list[Request] = []
         for position in self._positions:
             channels = bodies.at_fault(self.fault, float(position), key)

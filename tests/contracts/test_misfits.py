@@ -337,6 +337,15 @@ def test_modes_need_enough_positions_and_times() -> None:
         gradient(few, progress=False)
 
 
+@pytest.mark.parametrize("end, position", [("far_end", 0.3), ("loaded_end", -0.3)])
+def test_ends_of_modes_are_on_the_interface(end: str, position: float) -> None:
+    term = {"kind": "mode_degree", "mode": "crack", "threshold": 0.5, "loaded_end": 16e-3, "far_end": 30e-3,
+            "spacing": 1e-3, "interval": 5e-7, end: position}  # fmt: skip
+    said = facts(rf"objective\.0\.{end} = {position:g} m: must be on the interface, 0 to")
+    with pytest.raises(CaseError, match=said):
+        gradient(case_with(term), progress=False)
+
+
 def test_infer_fits_a_spring_slider_and_refuses_other_lumped_models(tmp_path: Path) -> None:
     time = np.linspace(0.0, 3.0, 600)
     drive = np.where(time < 1, 1e-6, 5e-6)
