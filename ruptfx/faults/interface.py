@@ -375,7 +375,12 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     half = np.isin(plus, tied) != np.isin(minus, tied)
     if np.any(half):
         x = ", ".join(f"{value:.6g}" for value in points[np.argmax(half)])
-        error = RuptfxError(f"interface '{name}' at ({x}) m: an edge of one side is tied; tie those of both bodies")
+        here = int(np.argmax(half))
+        keys = nodes.ties_of(int(plus[here] if np.isin(plus[here], tied) else minus[here]))
+        error = RuptfxError(
+            f"{keys}: the node at ({x}) m of one side of interface '{name}' is tied, that of the other side is not; "
+            f"add kind = 'periodic' in [[boundaries]] for the edges of the other body, or remove {keys}"
+        )
     parallel.raise_on_all(comm, error)
     gone = np.sort(parallel.share_rows(comm, number[owned & taken]))
     number, total = number - np.searchsorted(gone, number), total - len(gone)

@@ -86,7 +86,12 @@ class Nodes:
                 "interface that ends at one of them must go on at the other"
             )
         parallel.raise_on_all(self.comm, error)
+        self._pairs = pairs[1:]
         return kept, copies
+
+    def ties_of(self, node: int) -> str:
+        """Return the keys of the boundaries that tie a local node."""
+        return ", ".join(tie.key for tie, pair in zip(self.bodies.ties, self._pairs, strict=True) if node in pair)
 
     def sum_tied(self, vector: np.ndarray) -> None:
         """Replace the values of tied nodes by their sum, in place."""

@@ -25,6 +25,7 @@ pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 COMM = fem.MPI.COMM_WORLD
 SIDES = [{"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"} for body in ("upper", "lower")]
+DRIVEN = {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 1.0, "ramp": 1e-6}
 SPEED = np.sqrt(HOMALITE["young_modulus"] / (2 * (1 + HOMALITE["poisson_ratio"])) / HOMALITE["density"])
 
 
@@ -156,7 +157,9 @@ def test_edges_that_do_not_match_are_refused() -> None:
 
 
 @pytest.mark.parametrize("changes, said", [
-    ({"boundaries": SIDES[:1]}, r"interface 'main' at \(\S+, 0\) m: an edge of one side is tied; tie those of both"),
+    ({"boundaries": SIDES[:1]},
+     r"boundaries\.0: the node at \(\S+, 0\) m .*'main' .*boundaries.* kind = 'periodic' .*remove boundaries\.0"),
+    ({"boundaries": [DRIVEN, SIDES[1]]}, r"boundaries\.1: the node at \(\S+, 0\) m .*'main' .*remove boundaries\.1"),
     ({"boundaries": SIDES, "stepper": {"kind": "petsc_ts"}},
      r"boundaries\.0\.kind = 'periodic', .*: stepper\.kind = 'petsc_ts' cannot tie nodes; use .*'leapfrog'"),
     ({"boundaries": [*SIDES, {"kind": "periodic", "first": "lower.bottom", "second": "upper.top"}]},
@@ -164,7 +167,7 @@ def test_edges_that_do_not_match_are_refused() -> None:
     ({"boundaries": [SIDES[0], SIDES[1],
                      {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 1.0, "ramp": 1e-6}]},
      r"one of two nodes that are tied is driven, at \(.*drive both or none"),
-], ids=["one side of an interface", "steps of PETSc", "two directions", "driven alone"])  # fmt: skip
+], ids=["one side of an interface", "its other side", "steps of PETSc", "two directions", "driven alone"])  # fmt: skip
 def test_what_cannot_be_tied_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises((CaseError, RuptfxError), match=facts(said)):
         Model(case({"faults.main.contact": SPLIT if "stepper" not in changes else {"kind": "compliant", "C_n": 3e11,
