@@ -8,10 +8,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
+from ruptfx.input.quantities import in_si
 from ruptfx.profiles import varying
 from ruptfx.schema import Unit
+
+
+def plain(quantity: str) -> BeforeValidator:
+    """Return the validator of numbers in the SI unit of a quantity that another key names: text is refused."""
+
+    def check(value: object) -> object:
+        items = value if isinstance(value, list) else [value]
+        if any(isinstance(item, str) for item in items):
+            numbers = [in_si(item) if isinstance(item, str) else item for item in items]
+            shown = ", ".join("a number" if number is None else f"{number:g}" for number in numbers)
+            raise ValueError(
+                f"a number without unit is wanted, in the SI unit of {quantity}; write "
+                f"{f'[{shown}]' if isinstance(value, list) else shown}"
+            )
+        return value
+
+    return BeforeValidator(check)
+
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]

@@ -63,6 +63,15 @@ def parse(text: str, unit: str) -> float:
         raise ValueError(f"{error}; write for example {example}") from None
 
 
+def in_si(text: str) -> float | None:
+    """Return the number in SI units from text such as "6 MPa"; None if it is no number with a known unit."""
+    found = _QUANTITY.fullmatch(text)
+    try:
+        return None if found is None else float(Fraction(found[1]) * factor(found[2], None))
+    except ValueError:
+        return None
+
+
 class OtherKind(ValueError):  # noqa: N818
     """Error of a unit with another dimension than that of the key."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from typing import Any
 
 import pytest
@@ -52,6 +54,30 @@ def test_numbers_with_units(text: str, unit: str, number: float) -> None:
 def test_what_is_no_time(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=facts(message)):
         parse(text, "s")
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"sigma": "10 mm/s"}, r"objective.0.sigma = '10 mm/s': .* SI unit of the channels; write 0.01"),
+        ({"sigma": "ten"}, r"objective.0.sigma = 'ten': .* SI unit of the channels; write a number"),
+        ({"unknown": {"sigma": "2 MPa"}}, r"unknowns.0.sigma = '2 MPa': .* SI unit of the key.*; write 2e+06"),
+        ({"unknown": {"bounds": ["1 MPa", 3e6]}}, r"unknowns.0.bounds = .*; write [1e+06, 3e+06]"),
+    ],
+)
+def test_numbers_whose_unit_another_key_names(changes: dict[str, Any], message: str) -> None:
+    """Text is refused with the number to write instead, which is accepted."""
+    term = {"kind": "traces", "instrument": "end", "times": [1e-6, 2e-6], "sigma": changes.get("sigma", 0.01),
+            "data": {"slip": [0.0, 0.0]}, "units": {"slip": "m"}}  # fmt: skip
+    unknown = {"key": "faults.main.initial_stress.shear", "shape": "number", **changes.get("unknown", {})}
+    receiver = {"kind": "fault_receiver", "name": "end", "interval": 1e-7, "position": 6e-3}
+    given = plates({"objective": [term], "unknowns": [unknown], "instruments": [receiver]})
+    with pytest.raises(CaseError, match=re.escape(message).replace(r"\.\*", ".*")):
+        parse_case(given)
+    number = message.rpartition("write ")[2]
+    if number != "a number":
+        given[message.split(".")[0]][0]["bounds" if "[" in number else "sigma"] = json.loads(number)
+        parse_case(given)
 
 
 def test_wherever_a_number_with_a_unit_stands() -> None:
