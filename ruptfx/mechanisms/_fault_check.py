@@ -13,7 +13,7 @@ from ruptfx.faults.projection import TracedLaw
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.mechanisms._check_table import Row
-from ruptfx.mechanisms._patch_check import surface_patch_rows
+from ruptfx.mechanisms._patch_check import axes_of_positions, surface_patch_rows
 from ruptfx.mechanisms._plausibility import row_of, slow_records
 from ruptfx.profiles import evaluate
 from ruptfx.profiles._places import distance, patches
@@ -313,8 +313,8 @@ def _position_rows(model: System, fault: Fault) -> Iterator[Row]:
     face, label = fault.interface, f"faults.{fault.name}"
     yield Row(f"{label}: position", _range(face.line.first, face.line.last), "m", face.line.meaning)
     if face.across is not None:
-        mean = face.frame[:, 2].mean(axis=0)
-        down = ", ".join(f"{value:.3g}" for value in np.round(mean / np.linalg.norm(mean), 3) + 0.0)
+        dip = axes_of_positions(face)[1]  # of a rough surface not the mean of its tangents
+        down = ", ".join(f"{value:.3g}" for value in np.round(dip / np.linalg.norm(dip), 3) + 0.0)
         note = f"down dip along ({down}), from the upper edge"
         yield Row(f"{label}: dip", _range(face.across.min(), face.across.max()), "m", note)
     for patch in patches(model.placed[fault.name], label):

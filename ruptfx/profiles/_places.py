@@ -143,6 +143,8 @@ class Patch:
         True if the ends are a center minus and plus a half-width.
     has_edge : bool
         True if the values jump at the ends.
+    part : Part or None
+        The part itself.
     """
 
     key: str
@@ -152,6 +154,7 @@ class Patch:
     down_dip: bool = False
     has_reach: bool = False
     has_edge: bool = False
+    part: Part | None = None
 
 
 def patches(part: Part, key: str) -> Iterator[Patch]:
@@ -172,7 +175,7 @@ def patches(part: Part, key: str) -> Iterator[Patch]:
                 value = float(np.ravel(value)[0])  # of a point on a surface: along strike
                 reach = found[_Reach][0] if found[_Reach] else 0.0
                 ends = [value - reach, value + reach] if reach else [value]
-                yield Patch(where, kind, ends, center, down_dip, reach > 0, reach > 0 and not found[_Smooth])
+                yield Patch(where, kind, ends, center, down_dip, reach > 0, reach > 0 and not found[_Smooth], item)
 
 
 def shifted(given: list[tuple[str, list[float]]], shift: float) -> str:

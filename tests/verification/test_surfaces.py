@@ -283,6 +283,8 @@ def test_check_warns_of_patches_that_the_mesh_does_not_resolve() -> None:
     assert (good.value, good.verdict) == ("13 x 9 points", "ok") and "100 % of its area" in good.note
     close = row([-1.2e-3, 1.2e-3], [1e-3, 5e-3])
     assert (close.value, close.verdict) == ("5 x 9 points", "ok") and f"{700 / 7.2:.3g} % of its area" in close.note
+    assert "patch: strike -0.0012 m to 0.0012 m, dip 0.001 m to 0.005 m" in close.note
+    assert "points: strike -0.001 m to 0.001 m, dip 0.001 m to 0.005 m" in close.note
     both = row([-1.2e-3, 1.2e-3], [1.8e-3, 4.2e-3])  # 7/3 mm of 2.4 mm in both directions
     assert both.verdict == "warning" and f"{(700 / 7.2) ** 2 / 100:.3g} % of its area" in both.note
     narrow = row([-0.25e-3, 0.25e-3], [1e-3, 5e-3])
@@ -311,6 +313,10 @@ def test_check_counts_the_points_of_a_strip(down_dip: bool) -> None:
     good = row(2.75e-3)
     assert (good.value, good.verdict) == ("11 points across", "ok") and direction in good.note
     assert f"{100 * (17 / 3) / 5.5:.3g} % of its area" in good.note
+    middle = 4.0 if down_dip else 0.0
+    for name, half in (("strip", 2.75), ("points", 2.5)):
+        first, last = ((middle + sign * half) / 1e3 + 0.0 for sign in (-1, 1))
+        assert f"{name} from {first:g} m to {last:g} m" in good.note
     wide = row(3e-3)
     assert (wide.value, wide.verdict) == ("13 points across", "warning")
     assert f"{100 * (19 / 3) / 6:.3g} % of its area" in wide.note and "use rectangle" in wide.note
@@ -357,6 +363,26 @@ def test_the_area_of_a_patch_is_that_in_the_plane_of_a_rough_fault() -> None:
     assert row.verdict == "ok" and share and abs(float(share[1]) - 100) <= 1, row
 
 
+@pytest.mark.parametrize("rough", [False, True])
+@pytest.mark.parametrize("dip, down", [(90.0, "(0, 0, -1)"), (60.0, "(0, 0.5, -0.866)")])
+def test_check_prints_the_direction_of_positions_down_dip(dip: float, down: str, rough: bool) -> None:
+    """(0, cos 60, -sin 60), also if the fault ends within a wave, so that the mean of its tangents is tilted."""
+    from ruptfx.checks.preflight import preflight
+
+    wave = {"kind": "sinusoid", "mean": 0.0, "amplitude": 0.5e-3, "wavelength": 6e-3}
+    height = {"mesh.height": {"kind": "along_dip", "profile": wave}} if rough else {}
+    case = parse_case(strike_slip({"mesh.dip": dip, **height}))
+    row = next(row for row in preflight(case) if row.quantity == "faults.main: dip")
+    assert f"down dip along {down}, from the upper edge" in row.note
+    face = Model(case).faults[0].interface
+    direction = [float(part) for part in down.strip("()").split(", ")]
+    along = face.points @ direction
+    np.testing.assert_allclose(face.across - along, face.across[0] - along[0], atol=2e-3 * np.ptp(face.across))
+    if rough:
+        mean = face.frame[:, 2].mean(axis=0)
+        assert abs(mean[1] / np.linalg.norm(mean) - direction[1]) > 0.05
+
+
 def test_check_counts_the_points_of_a_disc() -> None:
     """A nucleation around a point of the surface, on nodes every 0.5 mm."""
     from ruptfx.checks.preflight import preflight
@@ -368,3 +394,48 @@ def test_check_counts_the_points_of_a_disc() -> None:
         rows = {row.quantity: row for row in preflight(parse_case(table))}
         found = rows["faults.main: nucleation.0, disc"]
         assert (found.value, found.verdict) == (points, verdict), found
+
+
+@pytest.mark.parametrize("kind, size, verdict", [
+    ("smooth_patch", 3e-3, "ok"), ("smooth_patch", 0.75e-3, "warning"), ("gaussian", 0.6e-3, "ok"),
+    ("taper", 1e-3, "ok"),
+])  # fmt: skip
+def test_check_judges_a_smooth_disc_by_its_integral(kind: str, size: float, verdict: str) -> None:
+    """Nodes within 0.6 mm stand for 1 mm2 of a disc of 1.13 mm2, but those of a bell of this width for its integral.
+
+    Weights along each direction are 1/3 mm at ends of elements, which are whole millimetres, and 2/3 mm between them.
+    """
+    from scipy.integrate import quad
+
+    from ruptfx.checks.preflight import preflight
+
+    def taper(r: float) -> float:
+        if r <= size or r >= size + 2e-3:
+            return float(r <= size)
+        return float(0.5 * (1 + np.tanh(2e-3 / (r - size - 2e-3) + 2e-3 / (r - size))))
+
+    shape = {
+        "smooth_patch": lambda r: np.exp(r**2 / (r**2 - size**2)) if r < size else 0.0,
+        "gaussian": lambda r: np.exp(-0.5 * (r / size) ** 2), "taper": taper,
+    }[kind]  # fmt: skip
+    center = {"x": 0.0, "y": 0.0, "z": -4e-3}
+    key, changes = "initial_stress.shear", {
+        "smooth_patch": {"faults.main.initial_stress.shear": 2.8e6, "faults.main.nucleation": [
+            {"kind": "smooth_patch", "extra": 1e6, "center": center, "radius": size, "rise": 1e-6}]},
+        "gaussian": {"faults.main.initial_stress.shear": {
+            "kind": "gaussian", "background": 2.8e6, "amplitude": 0.5e6, "center": center, "width": size}},
+        "taper": {"faults.main.initial_stress.shear": {
+            "kind": "taper", "inside": 3.7e6, "outside": 2.8e6, "center": center, "half_width": size, "width": 2e-3}},
+    }[kind]  # fmt: skip
+    if kind == "smooth_patch":
+        key = "nucleation.0"
+    rows = {row.quantity: row for row in preflight(parse_case(strike_slip(changes)))}
+    found = rows[f"faults.main: {key}, disc"]
+    number = np.arange(-8, 9)
+    weight = np.where(number % 2 == 0, 1e-3 / 3, 2e-3 / 3)
+    at_nodes = np.array([[shape(0.5e-3 * np.hypot(i, j)) for i in number] for j in number])
+    exact = 2 * np.pi * quad(lambda r: r * shape(r), 0, 4e-3, points=[size], limit=200)[0]
+    share = re.search(r"sum to ([\d.]+) % of the integral", found.note)
+    assert share is not None, found
+    assert float(share[1]) == pytest.approx(100 * float(weight @ at_nodes @ weight) / exact, rel=5e-3)
+    assert found.verdict == verdict and "edges of elements" not in found.note
