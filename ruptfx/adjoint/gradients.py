@@ -312,7 +312,7 @@ def gradient(
     RuptfxError
         On all ranks, before the first step: no objective, unknowns that the case does not have, data outside of the
         run, features without an adjoint, `cores` or `scheduler` without `check` or on several ranks; after the sweep:
-        a given unknown that the objective does not depend on.
+        a given unknown that the objective does not depend on, or a misfit of zero.
     """
     comm = comm or fem.MPI.COMM_WORLD
     terms = [objective] if isinstance(objective, Misfit) else list(objective or case.objective)
@@ -336,6 +336,13 @@ def gradient(
         found = made.gradient(given, bar.update)
     for each in given:
         values = next(one.values for one in found if one.unknown.key == each.key)
+        fits = made.value == 0 and any(np.any(sample.values) for _, sample in made.samples)
+        if not np.any(values) and fits:
+            raise RuptfxError(
+                "objective = 0: the misfit is zero, the data are fitted exactly, and so is its gradient by "
+                f"'{each.key}' zero at all points; differentiate at another value of an unknown, with --set KEY=VALUE, "
+                "or give other data"
+            )
         if not np.any(values):
             raise RuptfxError(
                 f"unknowns: the objective does not depend on '{each.key}', its gradient is zero at all points; remove "

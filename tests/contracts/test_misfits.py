@@ -224,6 +224,19 @@ def test_a_number_is_recovered_from_a_field_of_displacements(tmp_path: Path) -> 
     assert abs(found.best[0] - 4e-6) < 2 * (high - low) < 2e-6
 
 
+def test_data_that_are_fitted_exactly_have_no_gradient() -> None:
+    """Readings of the case itself; at another value of the unknown there is a gradient."""
+    x, y = [10e-3, 16e-3, 22e-3], [1e-3, -2e-3, 1e-3]
+    empty = field(x=x, y=y, displacement_x=[0.0] * 3, displacement_y=[0.0] * 3)
+    data = np.split(readings(case_with(empty)), 2)
+    case = case_with(field(x=x, y=y, displacement_x=data[0].tolist(), displacement_y=data[1].tolist()))
+    with pytest.raises(RuptfxError, match=facts(rf"objective = 0: the misfit is zero.*'{D_C}'.*--set KEY=VALUE")):
+        gradient(case, unknowns=[D_C], progress=False)
+    start = float(case.faults["main"].friction.D_c)
+    found = gradient(case.changed(D_C, 1.1 * start), unknowns=[D_C], progress=False)
+    assert float(found["objective"]) > 0 and np.any(found[D_C].values)
+
+
 def test_an_objective_that_is_not_finite_is_refused() -> None:
     """Its gradient would be no number."""
     with pytest.raises(RuptfxError, match=facts("objective = inf: .*sigma")), np.errstate(over="ignore"):
