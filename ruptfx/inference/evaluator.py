@@ -24,6 +24,8 @@ from ruptfx.schema import CaseError, value_at
 
 Floats = NDArray[np.float64]
 
+INWARD = 1e-6  # of the distance between bounds of a field: values as close to them are checked
+
 
 class Evaluator:
     """A case with its unknowns as variables z, which makes runs at given z; collective.
@@ -73,6 +75,7 @@ class Evaluator:
         ]
         self._ends = np.cumsum([0, *(each.size for each in self.variables)]).tolist()
         self._check_terms()
+        self._check_bounds()
         self.case_with(np.zeros(self._ends[-1]))  # refuses keys that take no profile before the first run
         self.has_prior = np.concatenate([np.full(each.size, each.has_prior) for each in self.variables])
         self.bounds = np.concatenate([np.tile(each.box, (each.size, 1)) for each in self.variables])
@@ -89,6 +92,28 @@ class Evaluator:
                 number, name = each.place.term
                 for bound in each.unknown.bounds:
                     self.case.objective[number].substituted({name: bound}).requests(bodies, f"objective.{number}")
+
+    def _check_bounds(self) -> None:
+        """Refuse bounds that the key of an unknown does not accept.
+
+        A field with bounds stays between them, so that a bound itself may be outside of those of the key.
+        """
+        for number, each in enumerate(self.variables):
+            unknown = each.unknown
+            if unknown.bounds is None or each.place.term is not None:
+                continue
+            inward = INWARD * (unknown.bounds[1] - unknown.bounds[0]) if unknown.shape == "field" else 0.0
+            for bound, step in zip(unknown.bounds, (inward, -inward), strict=True):
+                try:
+                    self.case.changed(unknown.key, bound + step)
+                except CaseError as error:
+                    for line in str(error).splitlines():
+                        _, of_key, reason = line.partition(f"{unknown.key} = ")
+                        if of_key:  # contradictions between keys depend on the values of both
+                            raise CaseError(
+                                f"unknowns.{number}.bounds = {unknown.bounds}: {bound:g} is refused, {of_key}{reason}; "
+                                "give bounds that the key accepts"
+                            ) from None
 
     # -- runs --------------------------------------------------------------------------------------------------------
 

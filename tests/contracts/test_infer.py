@@ -542,6 +542,12 @@ NUMBER = {"key": SHEAR, "shape": "number"}
     ({"unknowns": []}, "unknowns: there are none"),
     ({"objective": [{"kind": "slip_time", "position": 16e-3}]}, r"objective\.0\.kind = 'slip_time': .* in s"),
     ({"unknowns": [{**NUMBER, "bounds": [5e6, 6e6]}]}, r"unknowns\.0\.bounds = .*do not contain the value of the case"),
+    ({"unknowns": [{"key": "faults.main.friction.mu_d", "shape": "number", "bounds": [-0.1, 0.5]}]},
+     r"unknowns\.0\.bounds = \[-0\.1, 0\.5\]: -0\.1 is refused, faults\.main\.friction\.mu_d = -0\.1: .* 0; give"),
+    ({"unknowns": [NUMBER, {"key": "faults.main.friction.D_c", "shape": "number", "bounds": [0.0, 1e-4]}]},
+     r"unknowns\.1\.bounds = \[0\.0, 0\.0001\]: 0 is refused, faults\.main\.friction\.D_c = 0\.0: .* 0; give"),
+    ({"unknowns": [{"key": "faults.main.friction.mu_d", "bounds": [-0.1, 0.5], "sigma": 0.1,
+                    "correlation_length": 1e-3}]}, r"unknowns\.0\.bounds = \[-0\.1, 0\.5\]: -0\.1 is refused"),
     ({"objective": [{**TRACE, "units": {"slip": "furlong"}}]}, r"objective\.0: units\.slip = 'furlong': unknown unit"),
     ({"objective": [{**TRACE, "units": {"slip": "Pa"}}]}, r"objective\.0\.units\.slip = 'Pa': a value in m is wanted"),
     ({"objective": [{**TRACE, "times": [1.0]}]}, r"objective\.0\.times: data from 1 s.*make the run longer"),
@@ -634,11 +640,11 @@ def test_data_that_the_case_fits_exactly_end_the_search(tmp_path: Path) -> None:
 
 
 def test_a_run_that_fails_names_the_values_that_the_search_has_reached() -> None:
-    number = {"key": "faults.main.friction.mu_d", "shape": "number", "bounds": [-3.0, 0.5]}
+    number = {"key": "faults.main.friction.mu_d", "shape": "number"}
     case = parse_case(slip_weakening({"objective": [{"kind": "final_slip", "sigma": 1e-6}], "unknowns": [number]}))
     made = Evaluator(case, fem.MPI.COMM_SELF, 1e9)
     with pytest.raises(RuptfxError, match=facts(r"reached faults\.main\.friction\.mu_d = -2\.9: give bounds")):
-        made.evaluate(made.bounds[0, :1] * 3.2 / 3.3, "none")
+        made.evaluate(np.array([(-2.9 - 0.3) / (0.1 * 0.3)]), "none")  # z = 1 is a tenth of the value of the case
 
 
 def test_a_field_of_a_key_that_takes_one_number_is_refused() -> None:
