@@ -28,6 +28,7 @@ class InsertedForce(Mechanism):
 
     def bind(self, stepped: SteppedNodes) -> None:
         model = self.model
+        self._stepped = stepped
         here = np.full(model.nodes, self.inelastic is None)
         for sweep in () if self.inelastic is None else self.inelastic.sweeps:
             here[model.space.dofmap.list[sweep.batches]] = True
@@ -36,26 +37,13 @@ class InsertedForce(Mechanism):
         shared = model.layout.shared[self._dofs // model.components]
         self._shared, self._others = self._dofs[shared], self._dofs[~shared]
 
-    def add_first(self, state: State, kick: Kick) -> None:
-        self._before = state.velocity[self._index].copy()
-
     def add_with_elements(self, state: State, kick: Kick) -> None:
         if self.inelastic is not None:
-            state.force[self._shared] += self._force[self._shared]
+            self._stepped.add_damping(self._shared, 1.0, self._force, state.force)
 
     def add_internal(self, state: State, kick: Kick) -> None:
         if self.inelastic is not None:
-            state.force[self._others] += self._force[self._others]
+            self._stepped.add_damping(self._others, 1.0, self._force, state.force)
 
     def outside_energy(self) -> list[tuple[NDArray[np.int64] | slice, Floats]]:
         return [] if self.inelastic is None else [(self._index, self._force[self._index].copy())]
-
-    def powers(self, state: State) -> tuple[float, float]:
-        """Return the power of the force with the velocities before and after the step [W], and clear the force."""
-        force = self._force[self._index]
-        before, after = float(force @ self._before), float(force @ state.velocity[self._index])
-        if self.inelastic is not None:
-            before, after = before + self.inelastic.power[0], after + self.inelastic.power[1]
-            self.inelastic.power[:] = 0
-            self._force[self._index] = 0
-        return before, after

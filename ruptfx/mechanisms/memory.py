@@ -62,7 +62,7 @@ class Memory(InsertedForce):
         state.energy |= {WORK: 0.0, HALF: 0.0}
 
     def add_first(self, state: State, kick: Kick) -> None:
-        super().add_first(state, kick)
+        self._before = state.velocity[self._index].copy()
         if self.inelastic is not None:
             self.inelastic.states = [state.memory[name] for name in self.model.memory]
             self.inelastic.dt = kick.clock.since
@@ -73,7 +73,12 @@ class Memory(InsertedForce):
         state.force += self._force
 
     def account(self, state: State, kick: Kick) -> None:
-        before, after = self.powers(state)
+        force = self._force[self._index]
+        before, after = float(force @ self._before), float(force @ state.velocity[self._index])
+        if self.inelastic is not None:
+            before, after = before + self.inelastic.power[0], after + self.inelastic.power[1]
+            self.inelastic.power[:] = 0
+            self._force[self._index] = 0
         state.energy[WORK] -= 0.5 * kick.clock.kick * (before + after)
         state.energy[HALF] = -0.5 * kick.clock.dt * after
 

@@ -118,11 +118,20 @@ class ViscousLayer(InsertedForce):
             and not any(material.has_memory() for material in model.materials)
         )  # fmt: skip
 
+    def bind(self, stepped: SteppedNodes) -> None:
+        super().bind(stepped)
+        self._among = stepped.among(self._dofs)
+
     def add_first(self, state: State, kick: Kick) -> None:
-        super().add_first(state, kick)
         assert self.inelastic is not None
         self.inelastic.states = [state.velocity] * len(self.inelastic.sweeps)
 
     def account(self, state: State, kick: Kick) -> None:
-        before, after = self.powers(state)
-        state.energy["damping"] -= 0.5 * kick.clock.kick * (before + after)
+        assert self.inelastic is not None
+        stepped, power = self._stepped, 0.5 * float(self.inelastic.power.sum())
+        power += stepped.damping_power(
+            self._dofs, self._force, state.velocity, stepped.velocity_before, self._among
+        )  # fmt: skip
+        state.energy["damping"] -= power * kick.clock.kick
+        self.inelastic.power[:] = 0
+        stepped.clear(self._dofs, self._force)
