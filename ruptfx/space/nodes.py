@@ -54,9 +54,22 @@ class Nodes:
         self.owned = index_map.size_local
         self.count = index_map.size_local + index_map.num_ghosts
         self.total = index_map.size_global
-        self.coordinates = space.tabulate_dof_coordinates()[:, : space.mesh.geometry.dim]
         self._exchange = fem.dolfinx.fem.Function(space)
+        self.coordinates = self._shared_coordinates()
         self.kept, self.copies = self._tied()
+
+    def _shared_coordinates(self) -> np.ndarray:
+        """Return the coordinates of all local nodes [m], at ghost nodes those of their owners; collective.
+
+        The last digits of a tabulated coordinate depend on the cell that it was computed from. Coefficients that
+        follow from coordinates must be bitwise identical on all ranks with a node, else its velocities drift apart.
+        """
+        found = self.space.tabulate_dof_coordinates()[:, : self.space.mesh.geometry.dim].copy()
+        for column in found.T:
+            values = np.repeat(column, self.components)
+            self.take_from_owners(values)
+            column[:] = values[:: self.components]
+        return found
 
     def _tied(self) -> tuple[np.ndarray, np.ndarray]:
         """Return pairs of nodes of tied edges; collective."""

@@ -11,7 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.crack_cases import block
-from helpers.small_cases import case, impact, slip_weakening, smooth_field, tilted, two_boxes, wavy_plates
+from helpers.small_cases import (
+    case,
+    impact,
+    march,
+    slip_weakening,
+    smooth_field,
+    strike_slip,
+    tilted,
+    two_boxes,
+    wavy_plates,
+)
 
 pytest.importorskip("dolfinx")
 
@@ -73,6 +83,20 @@ def built(request: pytest.FixtureRequest, shared_tmp_path: Path) -> Any:
 def test_as_many_ranks_as_asked_for() -> None:
     launch.check_size(COMM.size)
     assert COMM.size == int(os.environ.get(launch.RANKS, COMM.size))
+
+
+def test_nodes_move_alike_on_all_ranks() -> None:
+    """Coefficients of a sponge follow from coordinates; a checkpoint has the values of owners only."""
+    sponges = [{"kind": "sponge", "edge": f"{body}.far", "width": 1.5e-3} for body in ("plus", "minus")]
+    model, _, state = march(parse_case(strike_slip({
+        "order": 3, "duration": 1.5e-6, "mesh.element_size": 2e-3, "mesh.distance": 4e-3, "boundaries": sponges,
+    })), comm=COMM)  # fmt: skip
+    x = model.coordinates
+    for found in (x.ravel(), state.displacement, state.velocity):
+        of_owners = found.copy()
+        model.layout.take_from_owners(of_owners)
+        np.testing.assert_array_equal(found, of_owners)
+    assert np.abs(state.velocity).max() > 1e-3
 
 
 def test_every_point_is_owned_once_and_has_both_sides(built: Any) -> None:
