@@ -19,8 +19,9 @@ from ruptfx.units import Duration, Frequency
 if TYPE_CHECKING:
     from ruptfx.instruments._readings import ModelReadings
 
-Source = Literal["displacement", "velocity", "acceleration", "inelastic_force"] | tuple[str, str]
-"""A nodal field, or fault and field; an inelastic force is that of the elements of a rank."""
+Source = Literal["displacement", "velocity", "acceleration", "inelastic_force", "inelastic_stress"] | tuple[str, str]
+"""A nodal field, or fault and field; inelastic forces are those of the elements of a rank, inelastic stresses those of
+`InelasticStress`."""
 
 
 @dataclass(frozen=True)

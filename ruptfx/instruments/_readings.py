@@ -11,6 +11,7 @@ import numpy as np
 
 from ruptfx.fields import FIELDS, STRESSES, stress_entries
 from ruptfx.instruments import Channel, Share
+from ruptfx.instruments._inelastic import InelasticStress
 from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, nearest
@@ -60,6 +61,11 @@ class ModelReadings:
     def initial_stress(self, label: str, point: Sequence[float]) -> float:
         """Return a component of the initial stress at a point [Pa]."""
         return float(self._initial_stress(np.array([point]))[0, list(self.entries).index(label)])
+
+    @cached_property
+    def inelastic(self) -> InelasticStress:
+        """Inelastic stresses at the points of elements."""
+        return InelasticStress(self.model)
 
     @cached_property
     def _boxes(self) -> CellBoxes:
@@ -257,9 +263,12 @@ class SensedPoint:
             coefficients[1 + j, i] += 0.5
         return self.reading(coefficients)
 
-    def stress(self, entry: tuple[int, int]) -> Share:
-        """Return a component of the stress beyond the initial one [Pa]."""
+    def stress(self, label: str) -> list[Share]:
+        """Return a component of the stress beyond the initial one [Pa]: elastic, and inelastic with memory."""
+        entry, found = self._readings.entries[label], list[Share]()
         model, coefficients = self._readings.model, np.zeros(self._shape)
+        if model.bodies.names[self._place.body] in model.memory_laws:
+            found.append(Share("inelastic_stress", *self._readings.inelastic.at(self._place, label)))
         material, plane = model.materials[self._place.body], model.case.plane
         if model.variation is not None:
             material = model.variation.at_point(self._place.body, np.array(self._point, dtype=float))
@@ -270,7 +279,7 @@ class SensedPoint:
         else:
             stiffness = tangent_stiffness(material, plane)
             coefficients[1:] = stiffness[entry[0]][:, None] if stiffness.ndim == 2 else stiffness[entry].T
-        return self.reading(coefficients)
+        return [self.reading(coefficients), *found]
 
     def _add_around(self, coefficients: np.ndarray, factor: float) -> None:
         """Add the strain around the axis, u_r / r, times a factor."""

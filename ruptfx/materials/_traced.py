@@ -7,7 +7,7 @@ and stay there: they are found by tracing, and are not stored.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -234,6 +234,19 @@ class TracedMaterial:
             dict(zip(self.components, rows[:count], strict=True)), dict(zip(self.state, rows[count:], strict=True))
         )  # fmt: skip
 
+    def inelastic_stress(
+        self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray],
+        parameters: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """Return the present inelastic stress of points [Pa], shape (components, points)."""
+        found = self._present(*self._values(strain, state, 0.0, parameters))
+        return np.stack([value + np.zeros_like(strain[self.components[0]]) for value in found])
+
+    @cached_property
+    def _present(self) -> Any:
+        """Function of the inputs of the formulas that returns the inelastic stress."""
+        return to_numpy({f"o_{name}": value for name, value in self.inelastic.items()}, self._inputs)
+
     def tangent(
         self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray], dt: float | np.ndarray,
         parameters: Mapping[str, np.ndarray] | None = None,
@@ -266,11 +279,21 @@ class TracedMaterial:
         dt: float | np.ndarray, parameters: Mapping[str, np.ndarray] | None,
     ) -> Any:  # fmt: skip
         """Return the values of expressions."""
-        inputs = [*(f"e_{name}" for name in self.components), *(f"s_{name}" for name in self.state), "dt"]
-        inputs += [f"p_{place}" for place in range(len(self.parameters))]
-        values = [*(strain[name] for name in self.components), *(state[name] for name in self.state), dt]
-        values += [(parameters or {})[key] for key in self.parameters]
-        return to_numpy(outputs, inputs)(*values)
+        return to_numpy(outputs, self._inputs)(*self._values(strain, state, dt, parameters))
+
+    @property
+    def _inputs(self) -> list[str]:
+        """Names of the inputs of the formulas."""
+        of_point = [*(f"e_{name}" for name in self.components), *(f"s_{name}" for name in self.state)]
+        return [*of_point, "dt", *(f"p_{place}" for place in range(len(self.parameters)))]
+
+    def _values(
+        self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray], dt: float | np.ndarray,
+        parameters: Mapping[str, np.ndarray] | None,
+    ) -> list[Any]:  # fmt: skip
+        """Return the inputs in the order of their names."""
+        of_point = [*(strain[name] for name in self.components), *(state[name] for name in self.state)]
+        return [*of_point, dt, *((parameters or {})[key] for key in self.parameters)]
 
 
 @lru_cache

@@ -162,28 +162,60 @@ class MemorySweep(MatrixFree):
         ndarray, shape (cells, points, parts, parts)
             Exactly symmetric where it is up to rounding; the argument of `matrices`.
         """
-        batch, lane = self._where
-        rows, given = (each[batch, :, :, lane] for each in (state, self._arrays["parameter"]))
-        c, parts = self._components, len(self.law.components)
-        strain = np.empty((len(self.cells), self.points, parts))
-        for first in range(0, len(self.cells), CHUNK):
-            part = slice(first, first + CHUNK)
-            u = displacement.reshape(-1, c)[self._nodes_of[part]].reshape(-1, 1, self._nodes_of.shape[1] * c, 1)
-            strain[part] = (self._strain_maps(part) @ u)[..., 0]
-
-        def of_points(values: np.ndarray, names: Iterable[str]) -> dict[str, np.ndarray]:
-            return {name: values[:, :, place].ravel() for place, name in enumerate(names)}
-
-        found = self.law.inelastic_tangent(
-            of_points(strain, self.law.components), of_points(rows, self.law.state), dt,
-            of_points(given, self.law.parameters),
-        )  # fmt: skip
+        parts = len(self.law.components)
+        strain, fields, given = self._at_points(displacement, state, np.arange(len(self.cells)))
+        found = self.law.inelastic_tangent(strain, fields, dt, given)
         twice = np.array([1.0 if name[0] == name[1] else 2.0 for name in self.law.components])
         moduli = np.moveaxis(found, -1, 0).reshape(len(self.cells), self.points, parts, parts) * twice[:, None]
         turned = np.swapaxes(moduli, -2, -1)
         if np.abs(moduli - turned).max() <= ROUNDING * np.abs(moduli).max():
             moduli = 0.5 * (moduli + turned)
         return np.asarray(moduli * self._volumes[:, :, None, None])
+
+    def inelastic_stress(self, displacement: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Return the present inelastic stress at the points of some cells [Pa], shape (rows, points, parts).
+
+        Parameters
+        ----------
+        displacement, state : ndarray
+        rows : ndarray of int
+            Places of the cells in `cells`.
+        """
+        found = self.law.inelastic_stress(*self._at_points(displacement, state, rows))
+        return np.asarray(found.T.reshape(len(rows), self.points, -1))
+
+    def _at_points(
+        self, displacement: np.ndarray, state: np.ndarray, rows: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Return strain, state and parameters of the points of some cells by name, each of shape (rows * points,)."""
+        batch, lane = (each[rows] for each in self._where)
+        fields, given = (each[batch, :, :, lane] for each in (state, self._arrays["parameter"]))
+        c, parts = self._components, len(self.law.components)
+        strain = np.empty((len(rows), self.points, parts))
+        for first in range(0, len(rows), CHUNK):
+            part = slice(first, first + CHUNK)
+            u = displacement.reshape(-1, c)[self._nodes_of[rows[part]]].reshape(-1, 1, self._nodes_of.shape[1] * c, 1)
+            strain[part] = (self._strain_maps(rows[part]) @ u)[..., 0]
+
+        def of_points(values: np.ndarray, names: Iterable[str]) -> dict[str, np.ndarray]:
+            return {name: values[:, :, place].ravel() for place, name in enumerate(names)}
+
+        return (
+            of_points(strain, self.law.components), of_points(fields, self.law.state),
+            of_points(given, self.law.parameters),
+        )  # fmt: skip
+
+    def shares(self, cell: int, functions: np.ndarray) -> tuple[int, np.ndarray]:
+        """Return the place of a local cell in `cells`, and the weights of its points from its shape functions.
+
+        Parameters
+        ----------
+        cell : int
+        functions : ndarray, shape (nodes,)
+            Shape functions at a point of the cell, in the order of the space.
+        """
+        row = int(np.flatnonzero(self.cells == cell)[0])
+        return row, functions[self._permutation] if self.points > 1 else functions.sum(keepdims=True)
 
     def matrices(self, moduli: np.ndarray, part: slice) -> np.ndarray:
         """Return the stiffness of some cells [N/m] from the moduli of `tangent`.
@@ -202,7 +234,7 @@ class MemorySweep(MatrixFree):
         """Local nodes of `cells` in the order of the kernel, shape (cells, nodes)."""
         return self._nodes_of
 
-    def _strain_maps(self, part: slice) -> np.ndarray:
+    def _strain_maps(self, part: slice | np.ndarray) -> np.ndarray:
         """Return the maps from the displacement of cells to the strain of their points [1/m].
 
         Returns

@@ -137,7 +137,10 @@ class Samples:
         group = np.array([groups.index(need) for need in needs], dtype=int)
         constant = np.array([0.0 if each.bandwidth is None else 0.5 / np.pi / each.bandwidth for each in owner])
         self._group, self._offset = group, np.array([channel.offset for channel in channels])
+        self._inelastic = readings.inelastic
         self._nodal, self._at_faults = self._weights(channels)
+        if "inelastic_stress" in self._nodal:
+            self._inelastic.choose(self._nodal["inelastic_stress"].indices)
         self._buffers = {}
         for clock in sorted({clock for _, clocks in groups for clock in clocks}):
             intervals = {number: interval for number, (interval, clocks) in enumerate(groups) if clock in clocks}
@@ -164,6 +167,8 @@ class Samples:
             rows, places, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
             if isinstance(source, str):
                 width = self._model.nodes * self._model.components
+                if source == "inelastic_stress":
+                    width = self._inelastic.size
                 nodal[source] = sparse.csr_matrix((weights, (rows, places)), shape=(len(channels), width))
             else:
                 width = sizes[source[0]]
@@ -189,6 +194,8 @@ class Samples:
                 self._accelerate(buffer, state.time - half, self._nodal[clock] @ state.velocity)
             elif clock == "inelastic_force":
                 buffer.advance(state.fault_time, self._nodal[clock] @ inelastic_force(self._model, state))
+            elif clock == "inelastic_stress":
+                buffer.advance(state.fault_time, self._nodal[clock] @ self._inelastic.read(state))
             else:
                 faults = state.faults
                 readings = [weights @ faults[name][field] for (name, field), weights in self._at_faults.items()]

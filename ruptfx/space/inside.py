@@ -67,6 +67,8 @@ class Inside:
     ----------
     body : int
         Index of the body that contains it.
+    functions : dict of int to ndarray
+        Shape functions of every local cell with the point, over the number of all these cells.
 
     Raises
     ------
@@ -84,7 +86,7 @@ class Inside:
             raise CaseError(f"{key}.body = '{body}': no such body, {nearest(body, names)}")
         inside = self._find(np.array(point, dtype=float), boxes or CellBoxes.of(model))
         found = [item for item in inside if body in (None, names[item[0]])]
-        holders = parallel.share_rows(model.comm, np.array([number for number, _, _ in found], dtype=np.int64))
+        holders = parallel.share_rows(model.comm, np.array([number for number, *_ in found], dtype=np.int64))
         if not len(holders):
             body = "the bodies" if body is None else body
             ends = [
@@ -104,10 +106,11 @@ class Inside:
             there = " and ".join(f"'{names[number]}'" for number in sorted(set(holders.tolist())))
             raise CaseError(f"{key}.{field} = {told}: {there} meet there; say in which it is with body")
         self.body = int(holders[0])
-        self._cells = [(nodes, shape / len(holders)) for _, nodes, shape in found]
+        self._cells = [(nodes, shape / len(holders)) for _, _, nodes, shape in found]
+        self.functions = {cell: shape[0] / len(holders) for _, cell, _, shape in found}
 
-    def _find(self, point: np.ndarray, boxes: CellBoxes) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Return body, nodes and shape functions of every local cell that contains the point.
+    def _find(self, point: np.ndarray, boxes: CellBoxes) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
+        """Return body, number, nodes and shape functions of every local cell that contains the point.
 
         With their gradients the functions have shape (1 + dim, nodes).
         """
@@ -122,7 +125,7 @@ class Inside:
             values = fem.tabulate(space, reference)
             gradient = np.linalg.solve(jacobian.T, values[1:])
             shape = np.concatenate([values[:1], gradient])
-            found.append((int(self.model.bodies.cell_body[cell]), space.dofmap.list[cell], shape))
+            found.append((int(self.model.bodies.cell_body[cell]), int(cell), space.dofmap.list[cell], shape))
         return found
 
     def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
