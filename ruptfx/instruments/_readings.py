@@ -168,7 +168,10 @@ class ModelReadings:
             points = parallel.share_rows(comm, face.points[face.owned])
             near = points[np.argmin(np.linalg.norm(points - np.asarray(point), axis=1))]
             here, there = ("(" + ", ".join(f"{value:.6g}" for value in each) + ") m" for each in (point, near))
-            raise CaseError(f"{key}.point = {here}: is not on interface '{fault.name}'; use its nearest node, {there}")
+            raise CaseError(
+                f"{key}.point = {here}: is not on interface '{fault.name}', or in an element at its welded end; use "
+                f"its nearest node, {there}"
+            )
         which, place = np.unique(shared[on, 0], return_inverse=True)
         sums = np.bincount(place, weights=shared[on, 1])
         return dict(zip(which.astype(int).tolist(), (sums / sums.sum()).tolist(), strict=True))

@@ -87,7 +87,8 @@ class Profile(Alternative):
         if self.over_surface:
             if places.ndim == 1:
                 raise CaseError(
-                    f"{self.kind()} varies over a surface, and this interface is a line; use boxcar or table"
+                    f"{self.kind()} varies over a surface, and there is one position here, on a line or in along_dip; "
+                    "use boxcar or table"
                 )
             return self(places)
         center: Any = getattr(self, "center", 0.0)

@@ -19,6 +19,7 @@ from helpers.messages import facts
 from ruptfx import simulate
 from ruptfx.case import parse_case
 from ruptfx.faults.interface import local_frame
+from ruptfx.instruments._readings import ModelReadings
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
 
@@ -177,6 +178,25 @@ def test_nucleations_push_along_the_rake(kind: str, rake: float) -> None:
 def test_a_rake_in_two_dimensions_is_refused() -> None:
     with pytest.raises(CaseError, match=facts("rake = 30: in 2D shear has one direction; leave it out")):
         Model(parse_case(slip_weakening({"faults.main.initial_stress.rake": 30.0})))
+
+
+def test_a_surface_inside_of_along_dip_is_refused() -> None:
+    patch = {"kind": "rectangle", "inside": 3e6, "outside": 2e6, "strike": [-3e-3, 3e-3], "dip": [1e-3, 5e-3]}
+    table = strike_slip({"faults.main.initial_stress.shear": {"kind": "along_dip", "profile": patch}})
+    with pytest.raises(CaseError) as refused:
+        Model(parse_case(table))
+    assert "rectangle" in str(refused.value) and "along_dip" in str(refused.value)
+
+
+def test_a_receiver_at_the_welded_end_of_a_fault_is_refused() -> None:
+    """The rim of the fault is at x = 6 mm, its last nodes that slip half an element before it."""
+    table = strike_slip({"instruments": [
+        {"kind": "fault_receiver", "name": "rim", "interval": 3e-7, "point": [5.8e-3, 0.0, -3e-3]},
+    ]})  # fmt: skip
+    model = Model(parse_case(table))
+    with pytest.raises(CaseError, match=facts(r"nearest node, \(0\.0055, 0, -0\.003\) m")) as refused:
+        model.case.instruments[0].channels(ModelReadings(model, lambda points: np.zeros((len(points), 6))), "here")
+    assert "welded" in str(refused.value)
 
 
 def test_a_symmetric_rupture_of_a_box_closes_its_budget() -> None:
