@@ -699,8 +699,12 @@ INLINE double advance_block(const int damped, const int kind, const int measured
         __builtin_prefetch(motion->inverse_mass + ahead, 0);
         advance_row(damped, kind, measured, motion, plan->row[r], &row_sum, &row_lost, row_power, row_energy);
     }
-    for (long n = FIRST(single); n < END(single); n++)
+    for (long n = FIRST(single); n < END(single); n++) {
+        const long ahead = plan->single[n + 8 < END(single) ? n + 8 : n];
+        __builtin_prefetch(motion->velocity + ahead * COMPONENTS, 1);
+        __builtin_prefetch(motion->inverse_mass + ahead, 0);
         sum += advance_node(damped, kind, measured, motion, plan->single[n], energy);
+    }
     if (damped)
         UNROLL for (int l = 0; l < LANES; l++) sum += row_sum[l];
     if (kind == VISCOUS)
