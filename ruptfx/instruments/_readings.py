@@ -266,12 +266,16 @@ class SensedPoint:
             coefficients[1 + j, i] += 0.5
         return self.reading(coefficients)
 
-    def stress(self, label: str) -> list[Share]:
+    def stresses(self, label: str) -> list[Share]:
         """Return a component of the stress beyond the initial one [Pa]: elastic, and inelastic with memory."""
-        entry, found = self._readings.entries[label], list[Share]()
-        model, coefficients = self._readings.model, np.zeros(self._shape)
+        model, found = self._readings.model, [self.stress(self._readings.entries[label])]
         if model.bodies.names[self._place.body] in model.memory_laws:
             found.append(Share("inelastic_stress", *self._readings.inelastic.at(self._place, label)))
+        return found
+
+    def stress(self, entry: tuple[int, int]) -> Share:
+        """Return a component of the elastic stress beyond the initial one [Pa]."""
+        model, coefficients = self._readings.model, np.zeros(self._shape)
         material, plane = model.materials[self._place.body], model.case.plane
         if model.variation is not None:
             material = model.variation.at_point(self._place.body, np.array(self._point, dtype=float))
@@ -282,7 +286,7 @@ class SensedPoint:
         else:
             stiffness = tangent_stiffness(material, plane)
             coefficients[1:] = stiffness[entry[0]][:, None] if stiffness.ndim == 2 else stiffness[entry].T
-        return [self.reading(coefficients), *found]
+        return self.reading(coefficients)
 
     def _add_around(self, coefficients: np.ndarray, factor: float) -> None:
         """Add the strain around the axis, u_r / r, times a factor."""

@@ -61,6 +61,6 @@ def channels_of(readings: ModelReadings, place: SensedPoint, fields: Sequence[Qu
             else:
                 text = f"total stress {label}, tension positive"
                 found.append(
-                    Channel(f"stress_{label}", "Pa", text, place.stress(label), place.initial_stress(label))
+                    Channel(f"stress_{label}", "Pa", text, place.stresses(label), place.initial_stress(label))
                 )
     return found
