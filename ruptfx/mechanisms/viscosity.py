@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ruptfx.fields import OF_VISCOSITY
 from ruptfx.mechanisms import Floats, Mechanism
 from ruptfx.mechanisms._inserted import InsertedForce
-from ruptfx.operators import Damped, FusedOperator, Inelastic
+from ruptfx.operators import Damped, FusedOperator, Inelastic, LayerOperator
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
@@ -105,7 +105,7 @@ class ViscousLayer(InsertedForce):
     def __init__(self, model: System) -> None:
         super().__init__(model)
         assert model.viscosity is not None
-        assert isinstance(model.viscosity.operator, FusedOperator)
+        assert isinstance(model.viscosity.operator, LayerOperator)
         layer = model.viscosity.operator.viscous_sweep(model.viscosity.eta)
         self.inelastic = Inelastic([layer] if model.viscosity.nodes.any() else [], self._force, np.zeros(2))
 
@@ -114,7 +114,7 @@ class ViscousLayer(InsertedForce):
         viscosity = model.viscosity
         return (
             viscosity is not None and not viscosity.everywhere and not viscosity.rotates
-            and isinstance(model.operator, FusedOperator) and isinstance(viscosity.operator, FusedOperator)
+            and isinstance(model.operator, FusedOperator) and isinstance(viscosity.operator, LayerOperator)
             and not any(material.has_memory() for material in model.materials)
         )  # fmt: skip
 

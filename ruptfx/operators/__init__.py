@@ -242,9 +242,6 @@ class FusedOperator(Operator, Protocol):
         Nodes shared with other ranks are always left to the caller.
         """
 
-    def viscous_sweep(self, eta: float) -> InsertedSweep:
-        """Return the damping of its elements, the force -eta K v, for steps of another operator."""
-
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
@@ -258,6 +255,14 @@ class FusedOperator(Operator, Protocol):
         inelastic: Inelastic | None = None,
     ) -> float:
         """Compute the remaining part of the step."""
+
+
+@runtime_checkable
+class LayerOperator(Operator, Protocol):
+    """Operator whose elements can be damped within the steps of a `FusedOperator`."""
+
+    def viscous_sweep(self, eta: float) -> InsertedSweep:
+        """Return the damping of its elements, the force -eta K v, for steps of another operator."""
 
 
 def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:
