@@ -159,7 +159,8 @@ def _row(
     notes = [f"the patch: strike {along}, dip {down}" + f", its rim {rim:g} m wide" * (rim > 0 and shape is None)]
     if min(across):
         strike, dip = (_from_to(positions) for positions in places[at_points > 0].T)
-        notes.append(f"its points: strike {strike}, dip {dip}")
+        reach = (strike, dip) == (along, down)
+        notes.append("its points reach its edges" if reach else f"its points: strike {strike}, dip {dip}")
     few = min(across) < FEWEST
     outer = ends + np.array([-rim, rim])
     extent = np.stack([places.min(axis=0), places.max(axis=0)], axis=1)

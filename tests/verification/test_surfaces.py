@@ -301,6 +301,7 @@ def test_check_warns_of_patches_that_the_mesh_does_not_resolve() -> None:
 
     good = row([-3e-3, 3e-3], [1e-3, 5e-3])
     assert (good.value, good.verdict) == ("13 x 9 points", "ok") and "100 % of its area" in good.note
+    assert "its points reach its edges" in good.note
     close = row([-1.2e-3, 1.2e-3], [1e-3, 5e-3])
     assert (close.value, close.verdict) == ("5 x 9 points", "ok") and f"{700 / 7.2:.3g} % of its area" in close.note
     assert "patch: strike -0.0012 m to 0.0012 m, dip 0.001 m to 0.005 m" in close.note
