@@ -15,7 +15,7 @@ from ruptfx.profiles import varying
 from ruptfx.schema import Unit
 
 
-def plain(quantity: str) -> BeforeValidator:
+def without_unit(quantity: str) -> BeforeValidator:
     """Return the validator of numbers in the SI unit of a quantity that another key names: text is refused."""
 
     def check(value: object) -> object:

@@ -336,18 +336,18 @@ def gradient(
         found = made.gradient(given, bar.update)
     for each in given:
         values = next(one.values for one in found if one.unknown.key == each.key)
-        fits = made.value == 0 and any(np.any(sample.values) for _, sample in made.samples)
-        if not np.any(values) and fits:
+        if np.any(values):
+            continue
+        if made.value == 0 and any(np.any(sample.values) for _, sample in made.samples):
             raise RuptfxError(
                 "objective = 0: the misfit is zero, the data are fitted exactly, and so is its gradient by "
                 f"'{each.key}' zero at all points; differentiate at another value of an unknown, with --set KEY=VALUE, "
                 "or give other data"
             )
-        if not np.any(values):
-            raise RuptfxError(
-                f"unknowns: the objective does not depend on '{each.key}', its gradient is zero at all points; remove "
-                "it, or choose an objective that feels it"
-            )
+        raise RuptfxError(
+            f"unknowns: the objective does not depend on '{each.key}', its gradient is zero at all points; remove "
+            "it, or choose an objective that feels it"
+        )
     dataset = made.dataset(found)
     if check:
         with ExitStack() as stack:

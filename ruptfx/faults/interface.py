@@ -374,8 +374,8 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     tied = np.concatenate([nodes.kept, nodes.copies])
     half = np.isin(plus, tied) != np.isin(minus, tied)
     if np.any(half):
-        x = ", ".join(f"{value:.6g}" for value in points[np.argmax(half)])
         here = int(np.argmax(half))
+        x = ", ".join(f"{value:.6g}" for value in points[here])
         keys = nodes.ties_of(int(plus[here] if np.isin(plus[here], tied) else minus[here]))
         error = RuptfxError(
             f"{keys}: the node at ({x}) m of one side of interface '{name}' is tied, that of the other side is not; "

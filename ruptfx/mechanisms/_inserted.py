@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx.mechanisms import Floats, Mechanism
+from ruptfx.operators import nodes_of_sweeps
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
@@ -29,10 +30,10 @@ class InsertedForce(Mechanism):
     def bind(self, stepped: SteppedNodes) -> None:
         model = self.model
         self._stepped = stepped
-        here = np.full(model.nodes, self.inelastic is None)
-        for sweep in () if self.inelastic is None else self.inelastic.sweeps:
-            here[model.space.dofmap.list[sweep.batches]] = True
-        self._dofs = stepped.dofs[here[stepped.dofs // model.components]]
+        self._dofs = stepped.dofs
+        if self.inelastic is not None:
+            here = nodes_of_sweeps(model.space, self.inelastic.sweeps)
+            self._dofs = stepped.dofs[here[stepped.dofs // model.components]]
         self._index = stepped.index if len(self._dofs) == len(stepped.dofs) else self._dofs
         shared = model.layout.shared[self._dofs // model.components]
         self._shared, self._others = self._dofs[shared], self._dofs[~shared]

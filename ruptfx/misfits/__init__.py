@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from ruptfx.instruments import Channel
 from ruptfx.schema import Alternative, Part, Unit, alternative
-from ruptfx.units import Length, Positive, plain
+from ruptfx.units import Length, Positive, without_unit
 
 if TYPE_CHECKING:
     from ruptfx.instruments._readings import ModelReadings
@@ -155,9 +155,9 @@ class Unknown(Part):
     """Positions of the knots along the interface."""
     scale: Literal["linear", "log"] = "linear"
     """`ruptfx infer` changes the value, or its logarithm: a number is then a factor."""
-    bounds: Annotated[Annotated[list[float], Field(min_length=2, max_length=2)] | None, plain("the key")] = None
+    bounds: Annotated[Annotated[list[float], Field(min_length=2, max_length=2)] | None, without_unit("the key")] = None
     """Smallest and largest value for `ruptfx infer`, in the SI unit of the key."""
-    sigma: Annotated[Positive | None, plain("the key, with scale = 'log' of its logarithm")] = None
+    sigma: Annotated[Positive | None, without_unit("the key, with scale = 'log' of its logarithm")] = None
     """Prior standard deviation from the value of the case, in the SI unit of the key, with `log` of its logarithm; a
     field needs one."""
     correlation_length: Length | None = None

@@ -17,7 +17,7 @@ from ruptfx.instruments import Instrument
 from ruptfx.instruments._filter import filtered
 from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
 from ruptfx.schema import CaseError, Name, Unit, nearest
-from ruptfx.units import Duration, Frequency, Instant, Positive, plain
+from ruptfx.units import Duration, Frequency, Instant, Positive, without_unit
 
 if TYPE_CHECKING:
     from ruptfx.instruments._readings import ModelReadings
@@ -53,7 +53,7 @@ class Traces(Misfit):
     """Unit of each channel of `data`."""
     channels: Annotated[list[str], Field(min_length=1)] | None = None
     """Channels that count; default is all of the data."""
-    sigma: Annotated[Positive, plain("the channels")]
+    sigma: Annotated[Positive, without_unit("the channels")]
     """Standard deviation of the noise, in the SI unit of the channels."""
     begin: Instant | None = None
     """Start of the window of times that count [s]; default is the first time of the data."""

@@ -204,6 +204,15 @@ class InsertedSweep(Protocol):
         """Return the addresses of the C function `add_force`, of its plan and of its memory (`struct sweep`)."""
 
 
+def nodes_of_sweeps(space: fem.dolfinx.fem.FunctionSpace, sweeps: Iterable[InsertedSweep]) -> np.ndarray:
+    """Return a mask of the local nodes of the elements of sweeps, shape (nodes,)."""
+    index_map = space.dofmap.index_map
+    found = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
+    for sweep in sweeps:
+        found[space.dofmap.list[sweep.batches]] = True
+    return found
+
+
 @dataclass
 class Inelastic:
     """Stress in a step that is not elastic: of materials with memory, or Kelvin-Voigt damping of some elements.

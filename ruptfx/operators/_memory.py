@@ -66,7 +66,7 @@ class MemorySweep(MatrixFree):
     ) -> None:
         super().__init__(bulk, shared)
         self.law = traced(material, bulk.plane)
-        self._space = space = bulk.space
+        space = bulk.space
         permutation, constants = _reference_cell(bulk)
         self._permutation = permutation
         macros = "".join(f"#define {name} {value}\n" for name, value in self.law.as_c().items())

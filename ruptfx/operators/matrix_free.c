@@ -680,6 +680,7 @@ INLINE void advance_row(const int damped, const int kind, const int measured, co
 }
 
 #define ROWS_AHEAD 6
+#define NODES_AHEAD 8
 
 // Nodes of a block: all, those with a force of `inelastic`, or those without.
 enum { ALL, WITH, WITHOUT };
@@ -700,7 +701,7 @@ INLINE double advance_block(const int damped, const int kind, const int measured
         advance_row(damped, kind, measured, motion, plan->row[r], &row_sum, &row_lost, row_power, row_energy);
     }
     for (long n = FIRST(single); n < END(single); n++) {
-        const long ahead = plan->single[n + 8 < END(single) ? n + 8 : n];
+        const long ahead = plan->single[n + NODES_AHEAD < END(single) ? n + NODES_AHEAD : n];
         __builtin_prefetch(motion->velocity + ahead * COMPONENTS, 1);
         __builtin_prefetch(motion->inverse_mass + ahead, 0);
         sum += advance_node(damped, kind, measured, motion, plan->single[n], energy);
@@ -722,9 +723,10 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
             const double *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost,
             const struct inelastic *inelastic)
 {
-#define ADVANCE(damped, kind, part) \
+#define ADVANCED(damped, kind, part) \
     (energy ? advance_block(damped, kind, 1, part, &motion, plan, block, energy) \
             : advance_block(damped, kind, 0, part, &motion, plan, block, energy))
+#define ADVANCE(kind, part) (decay == 1 ? ADVANCED(0, kind, part) : ADVANCED(1, kind, part))
     const struct motion motion = {
         u, v, force, inverse_mass, dt, decay, inelastic ? inelastic->force : viscous, lost, inelastic ? inelastic->power : 0,
     };
@@ -733,7 +735,7 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
 #if VISCID
         if (viscous) {
             add_damped_force(plan, plan->block[block], plan->block[block + 1], eta, u, v, force, viscous);
-            sum += decay == 1 ? ADVANCE(0, VISCOUS, ALL) : ADVANCE(1, VISCOUS, ALL);
+            sum += ADVANCE(VISCOUS, ALL);
             continue;
         }
 #else
@@ -745,8 +747,8 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
             sweep->add_force(sweep->plan, sweep->memory, begun, sweep->end[block], inelastic->dt, u, inelastic->force);
         }
         add_internal_force(plan, plan->block[block], plan->block[block + 1], u, force);
-        if (inelastic) sum += decay == 1 ? ADVANCE(0, INELASTIC, WITH) : ADVANCE(1, INELASTIC, WITH);
-        sum += decay == 1 ? ADVANCE(0, ELASTIC, WITHOUT) : ADVANCE(1, ELASTIC, WITHOUT);
+        if (inelastic) sum += ADVANCE(INELASTIC, WITH);
+        sum += ADVANCE(ELASTIC, WITHOUT);
     }
     return sum;
 }
