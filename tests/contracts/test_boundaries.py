@@ -14,6 +14,7 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx import fem
+from ruptfx.boundaries._history import Sampled, course
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
 from ruptfx.platform import parallel
@@ -167,3 +168,11 @@ def test_the_chosen_step_is_stable(kind: str) -> None:
     assert np.all(np.isfinite(state.velocity))
     if not moves:
         assert np.abs(state.displacement).max() < 1e-14
+
+
+def test_a_ramp_and_a_history_are_multiplied() -> None:
+    """A quarter of a ramp of 4 s times 2, the value of the history after 1 s."""
+    history = Sampled(kind="sampled", times=[0.0, 4.0], values=[0.0, 8.0])
+    assert course(1.0, 4.0, history) == pytest.approx(0.25 * 2.0)
+    assert course(1.0, 4.0, None) == pytest.approx(0.25)
+    assert course(1.0, 0.0, history) == pytest.approx(2.0)

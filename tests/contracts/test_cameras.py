@@ -21,8 +21,10 @@ from ruptfx import RuptfxError
 from ruptfx.analysis import image_correlation
 from ruptfx.analysis.polariscope import Camera as Optics
 from ruptfx.cameras import camera_from
+from ruptfx.cameras.speckles import _mean
 from ruptfx.case import Case, parse_case
 from ruptfx.cli import app
+from ruptfx.commands.film import _write
 from ruptfx.record import Record
 from ruptfx.schema import CaseError, alternatives
 
@@ -171,3 +173,28 @@ def test_check_warns_of_snapshots_that_are_too_far_apart() -> None:
     rows = [next(_camera_rows(case)) for case in cases]
     assert [row.verdict for row in rows] == ["ok", "warning"] and "reduce output.bulk_interval" in rows[1].note
     assert rows[0].value == 10
+
+
+def test_the_mean_of_an_exposure_is_that_over_its_time() -> None:
+    """Displacement 0 until 1 s, then 1 m/s: from 0.9 s to 1.3 s the integral is 0.3^2 / 2."""
+    values = np.array([0.0, 0.0, 1.0])[:, None, None]
+    bulk = xarray.Dataset({"displacement": (("time", "point", "component"), values)})
+    mean = _mean(np.array([0.0, 1.0, 2.0]), bulk, 0.9, 0.4)
+    assert mean.item() == pytest.approx(0.3**2 / 2 / 0.4, rel=1e-12)
+
+
+def test_pictures_are_upright_and_films_have_their_rate(tmp_path: Path) -> None:
+    """The highest row of pixels is the top of the picture; four frames a second last 250 ms each."""
+    camera = camera_from({"kind": "speckles", "name": "a", "frame_rate": 1e6, "exposure": 1e-7, "pixel": 1e-3})
+    dark_below = np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]])
+    frames = xarray.DataArray(
+        np.stack([dark_below, dark_below[::-1]]), {"time": [0.0, 1.0], "y": [0.0, 1.0, 2.0], "x": [0.0, 1.0]},
+        name="light",
+    )  # fmt: skip
+    _write(frames, camera, tmp_path, 4.0)
+    for number, column in enumerate(([255, 128, 0], [0, 128, 255])):
+        picture = np.asarray(Image.open(tmp_path / f"frame_000{number}.png"), dtype=int)
+        assert picture[:, 0].tolist() == column
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.info["duration"] == 250
+        assert np.asarray(film.convert("L"), dtype=int)[0, 0] > 250

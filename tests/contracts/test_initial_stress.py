@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from ruptfx.initial_stress import AnyBodyStress, BodyStress
+from ruptfx.initial_stress import AnyBodyStress, BodyStress, matrices, tractions
 from ruptfx.schema import alternatives
 
 KINDS = alternatives("ruptfx.initial_stress")
@@ -48,3 +48,16 @@ def test_a_stress_is_the_same_after_it_was_written(kind: str) -> None:
     stress = example(kind)
     again = TypeAdapter(AnyBodyStress).validate_python(stress.model_dump(exclude_none=True))
     assert again == stress and hash(again.model_dump_json()) == hash(stress.model_dump_json())
+
+
+def test_six_components_have_their_places() -> None:
+    """xx, yy, zz, xy, yz, xz: on a plane z = 0 the shear traction is (xz, yz), on a plane y = 0 (xy, yz)."""
+    stress = np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
+    assert matrices(stress)[0].tolist() == [[1, 4, 6], [4, 2, 5], [6, 5, 3]]
+    for frame, expected in (
+        ([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (-3.0, 6.0, 5.0)),
+        ([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], (-2.0, 4.0, 5.0)),
+        ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], (-1.0, 4.0, 6.0)),
+    ):
+        normal, shear = tractions(stress, np.array([frame]))
+        assert (normal.item(), *shear[0]) == pytest.approx(expected)

@@ -176,3 +176,10 @@ def test_an_interface_that_slips_in_four_places_at_once(tmp_path):
     assert found["reach"] > 25e-3 and found["mode"] == "crack"
     assert found["speed_regime"] == "not resolved" and found["tip_speed"] is None
     assert "places slip" in found["not_resolved"]
+
+
+@pytest.mark.parametrize("points, resolved", [(9, True), (7, False)])
+def test_waves_of_more_than_eight_points_are_resolved(points, resolved):
+    """The noise of a wave of N points is sin^4(pi / N), and the limit that of eight."""
+    x = np.arange(64.0 * points)
+    assert peak_is_resolved(np.sin(2 * np.pi * x / points)[None], x) is resolved

@@ -51,3 +51,16 @@ def test_where_no_front_can_be_told_there_is_no_speed() -> None:
     data["slip_rate"] = data.slip_rate * 0 + np.where(abs(data.time - 1.5) < 0.1, 0.3, 0.0)[:, None]  # all at once
     (event,) = slip_events(data, 0.1)
     assert all(len(found) == 0 for found in speed_against_ratio(event, POINT, 0.01, 0.01))
+
+
+def test_the_drop_goes_from_the_record_before_to_the_one_after() -> None:
+    """Shear traction 10, 9, 6, 4 Pa over 1 m, fast in the two middle records."""
+    rate = np.array([0.0, 1.0, 1.0, 0.0])[:, None] * np.ones(2)
+    shear = np.array([10.0, 9.0, 6.0, 4.0])[:, None] * np.ones(2)
+    dims = ("time", "position")
+    data = xarray.Dataset(
+        {"slip_rate": (dims, rate), "shear_traction": (dims, shear), "normal_stress": (dims, 20 + 0 * rate)},
+        {"time": [0.0, 1.0, 2.0, 3.0], "position": [0.0, 1.0]},
+    )
+    (event,) = slip_events(data, 0.5, pause=10.0)
+    assert (event.force, event.drop) == pytest.approx((10.0, 6.0))

@@ -6,7 +6,14 @@ import xarray
 from helpers import synthetic
 
 from ruptfx import Record, analysis
-from ruptfx.analysis.surface import grid, moment_rate, radiated_energy, rupture_velocity, stress_drop
+from ruptfx.analysis.surface import (
+    grid,
+    moment_rate,
+    radiated_energy,
+    rupture_time_difference,
+    rupture_velocity,
+    stress_drop,
+)
 from ruptfx.analysis.verdict import verdict
 from ruptfx.commands.export import tables
 
@@ -107,3 +114,15 @@ def test_radiated_energy_is_not_given_where_the_records_do_not_tell(change):
     else:
         energy["boundary_work" if change == "loaded" else "plastic"] = 1.01 * energy["boundary_work"]
     assert np.isnan(radiated_energy([data], energy))
+
+
+def test_the_mean_difference_of_rupture_times_is_over_the_area() -> None:
+    """A surface of 3 m x 1 m whose last column, which stands for half of the area, is 1 s late: sqrt(6 / 10) s."""
+    x, dip = (each.ravel() for each in np.meshgrid([0.0, 1.0, 3.0], [0.0, 1.0], indexing="ij"))
+
+    def data(times):
+        columns = {"position": x, "dip": dip, "area": np.where(x == 3.0, 3.0, 1.0), "rupture_time": times}
+        return xarray.Dataset({name: ("point", values) for name, values in columns.items()})
+
+    difference = rupture_time_difference(data(1 + 0 * x), data(1 + 1.0 * (x == 3.0)))
+    assert difference == pytest.approx((np.sqrt(6 / 10), 1.0))

@@ -75,3 +75,10 @@ def test_what_never_slipped_says_how_near_it_came(monkeypatch: pytest.MonkeyPatc
     assert closest_to_slip(record) == "largest shear traction over strength 0.25 at 3 mm, 2 us"
     data["rupture_time"].values[0] = 1e-6
     assert closest_to_slip(record) == ""
+
+
+def test_the_error_of_a_speed_over_a_wave_speed_is_that_of_the_ratio() -> None:
+    """1000 +- 40 m/s and half of c_R: 0.50 +- 0.02."""
+    assert "0.50 c_R ± 0.02" in verdict({
+        "mode": "crack", "tip_speed": 1000.0, "tip_speed_error": 40.0, "tip_speed_over_c_R": 0.5,
+    })  # fmt: skip

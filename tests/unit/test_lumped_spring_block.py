@@ -147,3 +147,10 @@ def test_fronts_that_start_at_several_places_are_chained() -> None:
 def test_bad_cases_name_the_key(change: dict[str, object], message: str) -> None:
     with pytest.raises(CaseError, match=facts(message)):
         parse_case({"kind": "spring_block", **change})
+
+
+@pytest.mark.parametrize("apart, events", [(1.5, 1), (2.5, 2)])
+def test_detachments_within_two_delays_are_one_event(apart: float, events: int) -> None:
+    time, force = np.linspace(0.0, 20.0, 201), np.ones(201)
+    breaks = Breaks(np.array([5.0, 5.0 + apart]), np.array([0, 1]), np.array([2, 2]), 1.0, np.array([2, 2]))
+    assert len(catalogue(breaks, time, force, 0.5)) == events

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,13 @@ from typer.testing import CliRunner
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
 from ruptfx.cli import app
+from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import extreme, read_result, redraw, rehearse, simulate
 from ruptfx.lumped.spring_slider import PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
-from ruptfx.lumped.spring_slider.stability import StabilityDiagram
+from ruptfx.lumped.spring_slider.stability import StabilityDiagram, _cycles
 from ruptfx.schema import CaseError, find
 
 W = 16.0
@@ -220,3 +222,24 @@ def test_usual_numbers_are_not_called_extreme() -> None:
     assert list(extreme(SpringSlider())) == []
     named = list(extreme(SpringSlider(stiffness=1e20, experiment=VelocitySteps(speeds=[1e-6, 1e3]))))
     assert named == ["stiffness = 1e+20 (usual 1e+06)", "experiment.speeds.1 = 1000 (usual 1e-05)"]
+
+
+def test_rates_with_a_mass_and_an_elastic_interface() -> None:
+    """e' = V_d - v, M v' = K e - F and stretch' = v - V, with the force F = W / lambda times the stretch."""
+    law = RateAndStateAgeing(a=0.01, b=0.015, D_c=1e-6, f_0=0.6, V_0=1e-6)
+    slider = Slider(law, 100.0, 2e6, 10.0, 4e-7)
+    y = slider.steady(1e-6)
+    y[2], y[3] = 3e-6, 1.05 * y[3]
+    force = 100.0 / 4e-7 * y[3]
+    slip_rate = float(law.slip_rate(force, 100.0, {"theta": np.exp(y[1])}))
+    assert abs(slip_rate - 3e-6) > 1e-7  # not in equilibrium
+    e, _, v, stretch = slider.rates(y, 1e-6, 100.0)
+    assert (e, v, stretch) == pytest.approx((1e-6 - 3e-6, (2e6 * y[0] - force) / 10.0, 3e-6 - slip_rate))
+
+
+def test_the_second_harmonic_of_a_cycle_is_its_share() -> None:
+    """16 cycles sin + 0.3 sin 2: the ratio is 0.3, whatever number of cycles is counted."""
+    t = np.linspace(0.0, 16.0, 16001)
+    wave = np.sin(2 * np.pi * t + 0.1) + 0.3 * np.sin(4 * np.pi * t)
+    omega, ratio = _cycles(SimpleNamespace(time=t, friction=0.5 + 1e-3 * wave), 1.0)
+    assert (omega, ratio) == (pytest.approx(2 * np.pi, rel=1e-3), pytest.approx(0.3, rel=1e-2))

@@ -20,6 +20,7 @@ from ruptfx.model import Model
 from ruptfx.platform import parallel
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.shared_file import SharedFile
+from ruptfx.recording.table_file import TableFile
 from ruptfx.recording.writer import Writer
 
 pytestmark = pytest.mark.fem
@@ -189,3 +190,15 @@ def test_a_snapshot_is_of_one_time() -> None:
     points = fields.topology().points
     np.testing.assert_allclose(found["velocity"], np.tile([3.0, -2.0], (len(x), 1)), rtol=1e-15)
     np.testing.assert_allclose(found["displacement"], 1e-3 * points - 1e-7 * np.array([3.0, -2.0]), rtol=0, atol=1e-18)
+
+
+def test_a_table_keeps_the_rows_of_its_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "energy.csv"
+    table = TableFile(path, ["a"], "s, then J")
+    for time in (0.0, 1.0, 2.0):
+        table.append(time, [10 + time])
+    table.close()
+    resumed = TableFile(path, ["a"], "s, then J", kept=1)
+    resumed.append(1.5, [7.0])
+    resumed.close()
+    assert path.read_text().splitlines()[1:] == ["time,a", "0.0,10.0", "1.5,7.0"]

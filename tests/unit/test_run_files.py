@@ -286,3 +286,13 @@ def test_demo_scripts_begin_so_and_can_run_twice(demo: Path) -> None:
     if "simulate" in text and "mkdtemp" not in text:
         calls = re.findall(r"(?<!\w)simulate\(.*", text)
         assert calls and all("overwrite=True" in call for call in calls)
+
+
+def test_folders_of_the_user_among_checkpoints_stay(tmp_path: Path) -> None:
+    for name in ("step_00000010/state.h5", "final/state.h5", "mine/notes.txt"):
+        path = tmp_path / directories.CHECKPOINTS / name
+        path.parent.mkdir(parents=True)
+        path.write_text("x")
+    directories._remove_checkpoints(tmp_path)
+    files = [path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()]
+    assert files == ["checkpoints/mine/notes.txt"]

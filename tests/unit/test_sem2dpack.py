@@ -24,8 +24,9 @@ from ruptfx.profiles import evaluate
 
 pytest.importorskip("f90nml")
 from ruptfx.convert.sem2dpack import ConversionError, convert, convert_file, distributions
-from ruptfx.convert.sem2dpack.blocks import Input, read
+from ruptfx.convert.sem2dpack.blocks import Block, Input, read
 from ruptfx.convert.sem2dpack.fault_line import FaultLine
+from ruptfx.convert.sem2dpack.materials import _elastic
 
 ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "demos" / "antiplane.toml"
@@ -707,3 +708,10 @@ def test_the_table_of_examples_is_true(name: str, verdict: str, features: list[s
     assert bool(missing) <= (verdict in ("needs file", "refused"))
     if verdict == "left out":
         convert_file(path, "Par.msh", without=features)
+
+
+def test_constants_of_an_orthotropic_body() -> None:
+    """E_1 = c11 - c13^2 / c33, E_2 = c33 - c13^2 / c11 and nu_12 = c13 / c33."""
+    entries = {"rho": [1.0], "c11": [10.0], "c13": [2.0], "c33": [5.0], "c55": [1.0]}
+    body = _elastic(Input([]), Block("MAT_ELASTIC", entries))
+    assert (body["E_1"], body["E_2"], body["nu_12"]) == pytest.approx((10 - 4 / 5, 5 - 4 / 10, 2 / 5))
