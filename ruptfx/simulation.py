@@ -92,14 +92,15 @@ def simulate(
     RuptfxError
         On all ranks. Files written so far are kept and readable.
     """
-    comm, out = comm or fem.MPI.COMM_WORLD, Path(out)
+    out = Path(out)
     if resume and overwrite:
         raise RuptfxError("resume goes on with a run that overwrite would remove; give one of them")
-    if resume:
-        parallel.on_root(comm, lambda: directories.refuse_links(out))
-    if isinstance(case, LumpedModel):
+    if isinstance(case, LumpedModel):  # before DOLFINx and MPI are loaded: it needs neither
         with Progress(progress) as bar:
             return lumped.simulate(case, out, bar.update, resume, overwrite)
+    comm = comm or fem.MPI.COMM_WORLD
+    if resume:
+        parallel.on_root(comm, lambda: directories.refuse_links(out))
     same = parallel.on_root(comm, lambda: case.hash) == case.hash
     parallel.raise_on_all(comm, None if same else RuptfxError(
         f"rank {comm.rank} read another case than rank 0: are the case file and its plug-ins the same on all machines?"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -63,3 +65,19 @@ def test_an_error_of_numbers_is_no_traceback(
     monkeypatch.setattr(type(model), "run", fail)
     with pytest.raises(RuptfxError, match=facts(f"^{kind}: ")):
         simulate(model, tmp_path / "run")
+
+
+def test_simulate_of_a_lumped_model_does_without_dolfinx(tmp_path: Path) -> None:
+    """Neither DOLFINx nor MPI can be imported: `ruptfx.simulate` returns the result that it wrote."""
+    program = f"""
+import sys
+for name in ("dolfinx", "mpi4py", "petsc4py", "basix", "ufl"):
+    sys.modules[name] = None
+import ruptfx
+from ruptfx.case import parse_case
+case = parse_case({{"kind": "spring_slider"}})
+result = ruptfx.simulate(case, {str(tmp_path / "run")!r}, progress=False)
+assert {"slip_rate", "friction"} & set(map(str, result.data_vars)), result
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
+    assert (tmp_path / "run" / "summary.json").is_file()

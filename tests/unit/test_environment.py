@@ -78,6 +78,17 @@ needs_no_system_dolfinx = pytest.mark.skipif(
 )
 
 
+def test_the_oldest_python_is_the_same_everywhere():
+    floor = PROJECT["requires-python"].removeprefix(">=")
+    major, minor = floor.split(".")
+    tools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
+    assert tools["ruff"]["target-version"] == f"py{major}{minor}" and tools["mypy"]["python_version"] == floor
+    assert f"version_info < ({major}, {minor})" in (ROOT / ".ci" / "setup").read_text()
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), ROOT / ".ci" / "setup", ROOT / "Makefile"]
+    named = {version for page in pages for version in re.findall(r"Python (3\.\d+)", page.read_text())}
+    assert named == {floor}
+
+
 @needs_no_system_dolfinx
 def test_setup_without_a_python_says_what_to_install(tmp_path: Path):
     path = checkout(tmp_path)
@@ -167,7 +178,7 @@ def test_conda_recipe_has_the_dependencies_of_the_project():
     for requirement in given:
         name, bounds = re.fullmatch(r"([\w-]+)([<>=.,\d]*)(;.*)?", requirement.strip()).group(1, 2)
         wanted.add(f"{CONDA_NAMES.get(name, name)} {bounds}")
-    assert set(recipe["requirements"]["run"]) == wanted | {"python >=3.12", "c-compiler"}
+    assert set(recipe["requirements"]["run"]) == wanted | {f"python {PROJECT['requires-python']}", "c-compiler"}
     build = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
     assert {each.replace(" ", "") for each in recipe["requirements"]["host"]} >= set(build)
 
