@@ -295,6 +295,13 @@ def test_every_misfit_has_exact_derivatives(kind: str) -> None:
     slope = sum(float(a @ b) for a, b in zip(slopes, change, strict=True))
     assert slope == pytest.approx((both[0] - both[1]) / 2e-6, rel=1e-6)
     assert value == made.value
+    uneven = [Sample(each.at, each.values + by, random.uniform(0.5, 2.0, len(each.weights)))
+              for each, by in zip(samples, change, strict=True)]  # fmt: skip
+    value, slopes = made.terms[0].evaluate(uneven)
+    if (residuals := made.terms[0].residuals(uneven)) is not None:  # half their squares are the value
+        assert sum(0.5 * float(r @ r) for r, _ in residuals) == pytest.approx(value, rel=1e-12) and value > 0
+        for (r, factor), of_values in zip(residuals, slopes, strict=True):
+            np.testing.assert_allclose(r * factor, of_values, rtol=1e-12)
     assert any(np.any(each.values) for each in made.gradient())
     assert term.kind() == kind
 
@@ -602,3 +609,54 @@ def test_recorded_runs_are_those_of_the_time_loop(tmp_path: Path) -> None:
     with simulate(case, out=tmp_path / "run", progress=False) as record:
         slip = record.interface["slip"].values[-1]
     np.testing.assert_array_equal(made.samples[0][1].values, slip)
+
+
+STRESS = {"kind": "smooth_patch", "extra": 1e6, "center": 16e-3, "radius": 4e-3, "rise": 4e-6}
+WEAKER = {"kind": "friction_drop", "mu_d": 0.1, "center": 16e-3, "half_width": 3e-3, "t_w": 3e-6}
+PATCH = {"kind": "smooth_patch", "extra": 1e6, "center": {"x": 0.0, "y": 0.0, "z": -4e-3}, "radius": 3e-3, "rise": 1e-6}
+TRACE = {"kind": "traces", "instrument": "fault", "sigma": 1e-6}
+LINEAR = {
+    "plane": slip_weakening({
+        "duration": 9e-6, "faults.main.initial_stress.shear.inside": 3.2e6, "faults.main.nucleation": [WEAKER, STRESS],
+        "instruments": [{"kind": "fault_receiver", "name": "fault", "interval": 2e-7, "position": 14e-3}],
+        "objective": [{**TRACE, "times": [4e-6, 6e-6, 8e-6], "data": {"slip": [1e-6, 2e-6, 3e-6]},
+                       "units": {"slip": "m"}}],
+    }),
+    "solid": strike_slip({
+        "duration": 2e-6, "faults.main.nucleation": [PATCH], "faults.main.initial_stress.rake": 30.0,
+        "instruments": [{"kind": "fault_receiver", "name": "fault", "interval": 2e-7, "point": [1e-3, 0.0, -3e-3]}],
+        "objective": [{**TRACE, "times": [1e-6, 1.5e-6, 1.9e-6], "data": {"slip_1": [1e-6, 2e-6, 3e-6]},
+                       "units": {"slip_1": "m"}}],
+    }),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_tangent_linear_sweeps_are_those_of_the_adjoint_for_every_unknown(name: str) -> None:
+    """The scalar product of residuals and the change of readings is that of the gradient and the change of a field."""
+    case = parse_case(LINEAR[name])
+    objective = Objective(case, case.objective)
+    known = {key: place for key, place in places(objective.sweeps.model).items() if key.startswith("faults.")}
+    assert any("nucleation" in key for key in known) and any("friction" in key for key in known)
+    gradients = objective.gradient([Unknown(key=key) for key in known])
+    position = objective.sweeps.points[0].fault.interface.position
+    change = np.cos(300 * position) + 0.3 * np.sin(1700 * position)
+    slopes = {}
+    for (key, place), by in zip(known.items(), gradients, strict=True):
+        if by.values.shape != change.shape:
+            continue
+        slopes[key] = float(by.values @ change)
+        moved = objective.change([(place, change)])
+        assert float(np.concatenate(objective._factors) @ moved) == pytest.approx(slopes[key], rel=1e-8), key
+    assert sum(slope != 0 for slope in slopes.values()) > len(known) / 2
+
+
+def test_a_gradient_by_a_nucleation_in_three_dimensions() -> None:
+    """Central differences of the objective by the extra stress of a patch, which pushes along the rake."""
+    case = parse_case({**LINEAR["solid"], "instruments": [], "objective": SLIP})
+    (exact,) = Objective(case, case.objective).gradient([Unknown(key="faults.main.nucleation.0.extra")])
+    model = Model(case).in_steps("explicit")
+    change = np.ones(len(model.faults[0].interface.position))
+    values = [Objective(case, case.objective, record=False, model=perturbed(model, {}, {(0, 0): sign * change})).value
+              for sign in (1, -1)]  # fmt: skip
+    assert float(exact.values @ change) == pytest.approx(0.5 * (values[0] - values[1]), rel=1e-3)

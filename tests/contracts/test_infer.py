@@ -14,6 +14,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -671,3 +672,36 @@ def test_the_command_goes_on(tmp_path: Path) -> None:
     best = read_case(out / "best.toml")
     assert isinstance(best, Case) and best.faults["main"].friction.D_c != 5e-6
     assert fem.MPI.COMM_WORLD.size == 1
+
+
+def test_samples_have_their_covariance() -> None:
+    samples = np.random.default_rng(1).normal(size=(500, 2)) @ np.array([[2.0, 0.3], [0.0, 0.5]])
+    made = posterior.of_samples(samples)
+    np.testing.assert_allclose(made.spread @ made.spread.T, np.cov(samples.T, bias=True), rtol=1e-10)
+
+
+@pytest.mark.parametrize("misfit, beyond", [(100.0, False), (139.0, False), (141.0, True)])
+def test_a_misfit_exceeds_noise_from_four_standard_deviations_on(misfit: float, beyond: bool) -> None:
+    """2 misfit / data has the mean 1 and the standard deviation sqrt(2 / data), 0.1 with 200 data: 1.4 is the limit."""
+    run = SimpleNamespace(misfit=misfit)
+    assert Result(None, [], [run], [0], 200, "", [], {}).exceeds_noise is beyond  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("scale, ends", [("linear", [8.0, 12.0]), ("log", [10 * np.exp(-2), 10 * np.exp(2)])])
+def test_the_band_of_the_prior_is_a_standard_deviation_to_both_sides(scale: str, ends: list[float]) -> None:
+    each = SimpleNamespace(
+        unknown=SimpleNamespace(key="k", sigma=2.0, scale=scale, shape="number"), place=SimpleNamespace(unit="Pa"),
+        position=np.zeros(1), start=np.array([10.0]), values=lambda part: np.array([11.0]), at_bound=lambda part: False,
+    )  # fmt: skip
+    search: Any = SimpleNamespace(_posterior=None, evaluator=SimpleNamespace(split=lambda z: [(each, z)]))
+    (recovered,) = inversion.Inversion._recovered(search, np.zeros(1))
+    assert recovered.band[:, 0] == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("value, at", [(0.005, True), (0.02, False), (5.0, False), (9.98, False), (9.995, True)])
+def test_an_unknown_is_at_its_bound_within_a_thousandth(value: float, at: bool) -> None:
+    each: Any = SimpleNamespace(
+        unknown=SimpleNamespace(bounds=[0.0, 10.0]), _low=0.0, _high=10.0, _t=lambda values: values,
+        values=lambda z: np.array([value]),
+    )  # fmt: skip
+    assert Variable.at_bound(each, np.zeros(1)) is at

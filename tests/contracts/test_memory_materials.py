@@ -751,3 +751,12 @@ def test_an_initial_stress_acts_as_the_strain_that_makes_it(kind: str) -> None:
         assert free.stored(begun + strain, states[0]) == pytest.approx(energy, rel=1e-10)
     elastic = 2 * shear * (begun + strain).deviator()
     assert not np.allclose(whole.deviator().components, elastic.components, rtol=1e-3)  # it has yielded
+
+
+def test_damage_is_zero_at_rest_and_grows() -> None:
+    """1 - r_0 / r exp((r_0 - r) / (E e_s)): with a growth of r by 1, half of exp(-f_t / E / e_s) remains."""
+    rock = ContinuumDamage(
+        young_modulus=30e9, poisson_ratio=0.2, density=2500.0, strength=3e6, softening_strain=1e-3, relaxation_time=1e-6
+    )
+    damage = rock.recorded({"growth": np.array([0.0, 1.0])})["damage"]
+    assert damage == pytest.approx([0.0, 1 - np.exp(-3e6 / 30e9 / 1e-3) / 2])

@@ -183,6 +183,13 @@ def test_fields_are_read_in_both_orders_of_their_axes(packed: bool, tmp_path: Pa
         (made,) = case_with(field(file="moved.nc"), tmp_path).objective
         assert made.x == pytest.approx([5e-3, 6e-3, 7e-3, 5e-3, 7e-3])
         assert made.displacement_x == pytest.approx([1e-6, 9e-6, 3e-6, 4e-6, 5.5e-6])
+    (made,) = case_with(field(file="moved.nc", every=2), tmp_path).objective  # of the rows, too
+    assert (made.x, made.y) == (pytest.approx([5e-3, 7e-3]), pytest.approx([1e-3] * 2))
+    wide = xarray.concat([grid, grid.assign_coords(y=[3.0, 4.0])], "y")
+    wide.to_netcdf(tmp_path / "moved.nc", engine="h5netcdf", encoding=encoding)
+    (made,) = case_with(field(file="moved.nc", every=2), tmp_path).objective
+    assert made.y == pytest.approx([1e-3, 1e-3, 3e-3, 3e-3])
+    assert made.displacement_x == pytest.approx([1e-6, 3e-6] * 2)
     grid.expand_dims("time").to_netcdf(tmp_path / "moved.nc", engine="h5netcdf")
     with pytest.raises(CaseError, match=facts(r"moved\.nc: 'displacement_x' has the axes time, y, x; give it x and y")):
         case_with(field(file="moved.nc"), tmp_path)

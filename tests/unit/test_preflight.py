@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from helpers.sliding_cases import rough, wave
 from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
+from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
@@ -559,3 +560,99 @@ def test_what_instruments_see() -> None:
     assert f"carries S waves to {speed / 2.5e-3:.3g} Hz" in seen.note and "measures as at a point" in seen.note
     alias = found["instruments.cell: highest frequency"]
     assert alias.verdict == "warning" and "passes more: reduce the interval" in alias.note
+
+
+# -- every row of one case by hand -----------------------------------------------------------------------------------
+
+OF_THE_MACHINE = {"memory", "files", "expected run time"}  # compared with runs above
+
+
+def test_every_row_of_a_case() -> None:
+    """Two plates of 32 mm x 8 mm in elements of 2 mm of order 2; 2.8 MPa of shear on 6 MPa, coefficients 0.6 and 0.3.
+
+    Rayleigh speed: the root of (2 - c^2 / c_s^2)^2 = 4 sqrt(1 - c^2 / c_p^2) sqrt(1 - c^2 / c_s^2).
+    """
+    E, nu, rho = (HOMALITE[name] for name in ("young_modulus", "poisson_ratio", "density"))
+    c_p, c_s = np.sqrt(E / (1 - nu**2) / rho), np.sqrt(E / 2 / (1 + nu) / rho)
+    c_R = brentq(lambda c: (2 - (c / c_s) ** 2) ** 2 - 4 * np.sqrt((1 - (c / c_p) ** 2) * (1 - (c / c_s) ** 2)),
+                 0.8 * c_s, 0.999 * c_s)  # fmt: skip
+    table = rows(slip_weakening({"order": 2, "faults.main.initial_stress.shear": 2.8e6}))
+    drop, energy = 0.3 * 6e6, 0.5 * 0.3 * 6e6 * 5e-6
+    stress_drop, half = 2.8e6 - 0.3 * 6e6, E / 2  # G / (1 - nu) of plane stress
+    zone = 9 * math.pi / 32 * half * 2 * energy / drop**2
+    rate = stress_drop * 2 / (rho * c_s)  # both bodies radiate
+    dt = table["time step"].value
+    expected = {
+        "nodes": 2 * 33 * 9, "generalized Rayleigh speed": c_R, "time step": dt, "stable time step": 1.11 * dt,
+        **{f"{body}: {name}": speed for body in ("upper", "lower")
+           for name, speed in (("c_p", c_p), ("c_s", c_s), ("c_R", c_R))},
+        ": points": 33, ": position": "0 to 0.032", ": initial stress": 6e6, ": strength at rest": 3.6e6,
+        ": fracture energy": energy, ": S": 0.8 / 1.0,
+        ": critical half-length": energy * E / (math.pi * stress_drop**2),  # Griffith: Gamma E' / (pi drop^2)
+        ": nucleation half-length": 0.579 * half / (drop / 5e-6),  # Uenishi and Rice
+        ": static process zone": zone, ": points in process zone": zone / 1e-3, ": damping": "none",
+        ": shortest time": 5e-6 / rate, "upper.top: echo": 2 * 8e-3 / c_p, "lower.bottom: echo": 2 * 8e-3 / c_p,
+        "records: interface": 1 + math.ceil(10e-6 / dt), "records: bulk": 6,  # one per step at most, and the start
+    }  # fmt: skip
+    assert set(table) == set(expected) | OF_THE_MACHINE
+    for name, value in expected.items():
+        close = 2e-3 if name == ": nucleation half-length" else 0.02 if name == "stable time step" else 1e-9
+        wanted = value if isinstance(value, str) else pytest.approx(value, rel=close)
+        assert table[name].value == wanted, name
+    # Numbers of the notes.
+    for name, value in {
+        "upper: c_s": np.sqrt(2) * c_s, "lower: c_s": np.sqrt(2) * c_s, ": points": 1e-3, "time step": 10e-6,
+        ": initial stress": 2.8e6, ": shortest time": rate, "records: interface": 10e-6 / 300,
+        "records: bulk": 10e-6 / 6,
+    }.items():  # fmt: skip
+        numbers = [float(number) for number in re.findall(r"(?<![\w(])\d[\d.]*(?:e[+-]?\d+)?", table[name].note)]
+        assert any(number == pytest.approx(value, rel=1e-2) for number in numbers), (name, numbers)
+
+
+def test_a_mirror_image_radiates_as_a_body() -> None:
+    """Half of a symmetric model has the expected slip rate of the whole, and a rigid base radiates nothing."""
+    times = {
+        mesh: rows(slip_weakening({"order": 2, "faults.main.initial_stress.shear": 2.8e6, "mesh": {
+            "length": 32e-3, "height": 8e-3, "element_size": 2e-3, **mesh_table}}))[": shortest time"].value
+        for mesh, mesh_table in {
+            "whole": {"kind": "two_plates"}, "half": {"kind": "half_plate", "symmetry": "antisymmetric"},
+            "rigid": {"kind": "block_on_rigid"},
+        }.items()
+    }  # fmt: skip
+    assert times["half"] == pytest.approx(times["whole"], rel=1e-9)
+    assert times["rigid"] == pytest.approx(2 * times["whole"], rel=1e-9)
+
+
+def test_memory_of_several_ranks_on_one_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of four ranks are on this machine: twice the libraries, and half of the nodes."""
+    from ruptfx import RuptfxError
+    from ruptfx.checks import cost
+
+    comm = SimpleNamespace(size=4, Split_type=lambda kind: SimpleNamespace(size=2))
+    least = 2 * 160e6 + 2 * 13 * 5 * 245.0 / 2
+    monkeypatch.setattr(cost, "available", lambda: least + 1)
+    cost.need_memory(case({"order": 2}), comm)
+    monkeypatch.setattr(cost, "available", lambda: least - 1)
+    with pytest.raises(RuptfxError):
+        cost.need_memory(case({"order": 2}), comm)
+
+
+@pytest.mark.parametrize("dim, components, stresses", [(2, 2, 3), (3, 3, 6)])
+def test_bytes_of_snapshots_and_energies(dim: int, components: int, stresses: int) -> None:
+    """10 nodes, 4 snapshots of velocity and stress in single precision, 21 records of 7 energies as text.
+
+    The mesh has as many cells as nodes, of 2^dim corners, and dim coordinates of each node.
+    """
+    from ruptfx.checks import cost
+
+    output = SimpleNamespace(bulk_fields=["velocity", "stress"], bulk_precision="single", interface_steps=None)
+    given = SimpleNamespace(
+        instruments=[], plane="solid" if dim == 3 else "stress", output=output, duration=20.0,
+        intervals={"interface": 1.0, "bulk": 5.0},
+    )
+    model = SimpleNamespace(
+        case=given, coordinates=np.zeros((10, dim)), components=components, total_nodes=10,
+        energy_columns=["energy"] * 7, given=[],
+    )
+    bytes_of_files = cost._bytes_of_files(model, [], 100)
+    assert bytes_of_files == 10 * (4 * 4 * (components + stresses) + 8 * (dim + 2**dim)) + 20 * 9 * 21

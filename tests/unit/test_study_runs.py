@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ from ruptfx import RuptfxError
 from ruptfx.cli import app
 from ruptfx.platform import launch
 from ruptfx.results.summary_fields import DESCRIPTIONS
-from ruptfx.study import read_csv, read_study, run_study
+from ruptfx.study import read_csv, read_study, refine, run_study
+from ruptfx.study.mode_map import Map
 from ruptfx.study.store import Store
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
@@ -328,3 +330,22 @@ def test_children_end_with_their_study(tmp_path):
     while psutil.Process().children() and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not [child for child in psutil.Process().children() if "-c" in child.cmdline()]
+
+
+@pytest.mark.parametrize("width, count", [(0.25, 0), (0.25 * (1 + 1e-12), 0), (0.26, 1)])
+def test_a_boundary_of_the_wanted_width_is_not_bisected_again(width, count, monkeypatch):
+    point = SimpleNamespace(coordinates={"a": 0.0}, values={"a": 0.0}, hash="x")
+    monkeypatch.setattr(refine, "boundaries", lambda study, known: iter([refine.Step("a", point, point, width)]))
+    study = SimpleNamespace(
+        base=dict, refine=SimpleNamespace(width=0.25), axis=lambda name: SimpleNamespace(middle=lambda low, high: 0.5),
+        point=lambda values, origin, table: SimpleNamespace(hash="y"),
+    )
+    assert len(refine.bisections(study, [])) == count
+
+
+@pytest.mark.parametrize("half, fine, doubtful", [
+    ("crack", "crack", False), ("pulse", "crack", True), ("crack", "pulse", True), (None, None, False),
+])  # fmt: skip
+def test_points_are_doubtful_by_the_threshold_or_by_the_finer_mesh(half, fine, doubtful):
+    shown = Map(SimpleNamespace(refine=SimpleNamespace(by="mode")), [], Path())
+    assert shown.doubtful({"mode": "crack", "mode_at_half_threshold": half, "fine_mesh": fine}) is doubtful

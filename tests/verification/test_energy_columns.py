@@ -302,3 +302,43 @@ def test_facing_of_a_flat_surface_that_slides_past_a_kink() -> None:
     before, after = weight @ (0.5 * C_n * overlap**2), weight @ (0.5 * C_n * later**2)
     assert abs(before - after) > 0.05 * before
     assert state.energy["pairing_update_loss"] == pytest.approx(before - after, rel=1e-9)
+
+
+def test_mass_damping_takes_the_first_half_step_once() -> None:
+    """Two plates that fly as one body lose kinetic energy to `damping` alone, from the first half step on."""
+    model = Model(case({
+        "order": 2, "faults.main.contact": SPLIT, "damping.mass": 1e5,
+        "initial_velocity": {"upper": [1.0, 0.0], "lower": [1.0, 0.0]},
+    }))  # fmt: skip
+    motion, state = model.case.stepper.bind(model), model.initial_state()
+    begun = 0.5 * RHO * 2 * LENGTH * HEIGHT
+    energies = run(motion, state, 20 * motion.dt)
+    lost = begun * -np.expm1(-2 * 1e5 * energies["time"])
+    assert energies["damping"] == pytest.approx(lost, rel=1e-2) and lost > 0.1 * begun
+    damping = energies["damping"]
+    expect(energies, {"boundary_work": begun, "kinetic": begun - damping, "damping": damping}, 1e-9)
+
+
+def test_materials_dissipate_what_they_do_at_small_steps() -> None:
+    """`material_dissipation` at one time between two records is of second order in the step.
+
+    Half a step of force times velocity would be 1.5 % of it, and the budget closes with it, since `strain` takes it.
+    """
+    solid = {**HOMALITE, "kind": "standard_linear_solids", "Q_p": 25.0, "Q_s": 15.0, "lowest_frequency": 5e4,
+             "frequency_ratio": 10.0}  # fmt: skip
+    push = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 20.0, "ramp": 8e-6}
+    losses = []
+    for number in (80, 160):
+        given = case({
+            "order": 2, "plane": "strain", "materials.default": solid, "duration": 9e-6, "boundaries": [push],
+            "stepper": {"kind": "leapfrog", "time_step": 8e-6 / number},
+        })  # fmt: skip
+        model = Model(given)
+        motion, state = given.stepper.bind(model), model.initial_state()
+        records = []
+        while state.fault_time < 8e-6:
+            state.wants_energies = True
+            motion.step(state)
+            records.append((state.fault_time, motion.energies(state)["material_dissipation"]))
+        losses.append(np.interp(8e-6, *zip(*records[-2:], strict=True)))
+    assert losses[0] == pytest.approx(losses[1], rel=2e-3)
