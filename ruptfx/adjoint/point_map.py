@@ -33,6 +33,7 @@ from ruptfx.codegen.tracing import (
     transposed,
 )
 from ruptfx.contact import Point, Trial
+from ruptfx.faults import point_step
 from ruptfx.faults.fault import FASTEST_CREEP, Fault
 from ruptfx.faults.points import Clock
 from ruptfx.faults.projection import TracedLaw, parameters_as_symbols
@@ -243,76 +244,49 @@ class _Step:
         ))  # fmt: skip
         shear, z = [_as_expression(each) for each in trial.shear_traction], trial.impedance
         sigma: Any = np.where(opened > 0, 0.0, trial.normal_stress)
-        # As `project` of points.c.
-        carried: Any = symbol("carried")
-        product = _sum(before[k] * shear[k] for k in t)
-        shift_square = _sum((carried * z[k] * before[k]) ** 2 for k in t)
-        trial_square = _sum(shear[k] * shear[k] for k in t)
-        keeps: Any = np.where(carried > 0, 1.0, np.where(4 * shift_square <= trial_square, 1.0, 0.0))
-        turns: Any = np.where(product > 0, np.where(keeps > 0, carried, 0.0), 0.0)
-        turning = [turns * before[k] for k in t]
-        shifted = [shear[k] + z[k] * turning[k] for k in t]
-        size, faster = _length(shifted), _length(before)
-        way: list[Any]
-        way = [np.sign(shifted[0])] if len(shear) == 1 else [each / _nonzero(size) for each in shifted]
-        along: Any = np.where(product > 0, _sum(before[k] * way[k] for k in t), 0.0)
-        taken = _sum(turning[k] * way[k] for k in t)
-        # A step of zero length has no impedance, and no slip.
-        loose = [np.where(z[k] > 0, shifted[k] / np.where(z[k] > 0, z[k], 1.0), 0.0) for k in t]
-        speed = _length(loose)
-        self.free = speed - taken
-
+        carried = point_step.shifted_trial(shear, z, before, symbol("carried"))
+        self.free = carried.free_rate
         given = {
-            symbol("slip_rate"): v, symbol("rate_before"): along, symbol("speed_before"): faster,
-            symbol("normal_stress"): sigma, symbol("normal_stress_before"): sigma_before,
-            symbol("radiation"): constant(0), symbol("bond"): constant(0),
+            symbol("slip_rate"): v, symbol("rate_before"): carried.rate_before,
+            symbol("speed_before"): point_step.length(before), symbol("normal_stress"): sigma,
+            symbol("normal_stress_before"): sigma_before, symbol("radiation"): constant(0), symbol("bond"): constant(0),
         }  # fmt: skip
         begun = dict(zip(map(symbol, law.start), substituted(law.start.values(), given), strict=True))
-        names = list(law.outputs)
         of_law: dict[str, Any] = dict(
-            zip(names, substituted(law.outputs.values(), {**given, **begun}), strict=True)
+            zip(law.outputs, substituted(law.outputs.values(), {**given, **begun}), strict=True)
         )
-        strength = of_law["strength"]
-        final: list[Any]
-        if len(shear) == 1:
-            self.balance = size - z[0] * (v + taken) - strength
-            final = way
-        else:
-            ratio = [shifted[k] / (strength + z[k] * (v + taken)) for k in t]
-            square = _sum(each * each for each in ratio)
-            self.balance = square - 1.0
-            norm = np.sqrt(np.where(self.slides > 0, square, 1.0))
-            final = [
-                np.where(opened > 0, loose[k] / _nonzero(speed), ratio[k] / norm) for k in t
-            ]  # fmt: skip
-        ends, started = fault.contact.traction_ends_slip, since > 0
-        # Where it is open, without size and direction: these have a kink at zero, which the slip rate has not.
-        flies: Any = np.where(stuck > 0, 0.0, opened)
-        slides = [np.where(flies > 0, loose[k], (v + taken) * final[k]) - turning[k] for k in t]
-        mean: list[Any] = [np.where(stuck > 0, 0.0, slides[k]) for k in t]
-        traction: list[Any] = [np.where(opened > 0, 0.0, shear[k] - z[k] * mean[k]) for k in t]
-        moving = [of_law["rate_now"] * final[k] for k in t]
-        if not ends:
-            moving = [np.where(flies > 0, 0.5 * loose[k], moving[k]) for k in t]
-        now: list[Any] = [np.where(stuck > 0, 0.0 if ends else 0.5 * before[k], moving[k]) for k in t]
-        if ends:
-            mean = [np.where(started, mean[k], before[k]) for k in t]
-        slipping = mean if ends else before
-        change = [shear_k - initial for shear_k, initial in zip(traction, shear_0, strict=True)]
-        opening: Any = (sigma - trial.normal_stress) * trial.normal_compliance if ends else np.where(
-            sigma_before > 0, 0.0, np.where(apart < 0, 0.0, apart)
+        balance = point_step.balance(carried, v, of_law["strength"], of_law["slope"])
+        self.balance = balance.residual
+        ends = fault.contact.traction_ends_slip
+        direction = [
+            np.where(opened > 0, *each) for each in zip(carried.free_direction, balance.direction, strict=True)
+        ]
+        result = point_step.sliding(
+            carried, shear, before, v, of_law["rate_now"], direction,
+            is_open=opened > 0, is_stuck=stuck > 0, at_end=ends,
+        )  # fmt: skip
+        mean, now = result.mean_slip_rate, result.slip_rate
+        if ends:  # a step of zero length keeps the rates
+            mean, now = (
+                [np.where(since > 0, *each) for each in zip(rates, before, strict=True)] for rates in (mean, now)
+            )
+        slips = point_step.slip_after(slip, mean if ends else before, since)
+        opening = point_step.opening_after(
+            sigma, trial.normal_stress, trial.normal_compliance, sigma_before, apart, ends
         )
-        found = {
-            **({"change_normal": sigma_0 - sigma} if normal else {}), **{f"change_{k}": change[k] for k in t},
-            **{f"slip_{k}": slip[k] + since * slipping[k] for k in t}, **{f"mean_slip_rate_{k}": mean[k] for k in t},
+        outputs = {
+            **({"change_normal": sigma_0 - sigma} if normal else {}),
+            **{f"change_{k}": result.shear_traction[k] - shear_0[k] for k in t},
+            **{f"slip_{k}": slips[k] for k in t}, **{f"mean_slip_rate_{k}": mean[k] for k in t},
             "normal_stress": sigma, **{f"s_{name}": of_law[f"n_{name}"] for name in law.state_names},
-            **{f"slip_rate_{k}": now[k] for k in t}, **{f"shear_traction_{k}": traction[k] for k in t},
-            "opening": opening,
+            **{f"slip_rate_{k}": now[k] for k in t},
+            **{f"shear_traction_{k}": result.shear_traction[k] for k in t}, "opening": opening,
         }  # fmt: skip
-        self.outputs = {name: _as_expression(value) for name, value in found.items()}
-        of_found: list[Any] = [symbol(f"found_{k}") for k in t]
-        solved: Any = _length([of_found[k] + turning[k] for k in t]) - taken if len(shear) > 1 else (
-            _sum(of_found[k] * way[k] for k in t)
+        self.outputs = {name: _as_expression(value) for name, value in outputs.items()}
+        of_run: list[Any] = [symbol(f"found_{k}") for k in t]
+        solved: Any = of_run[0] * carried.direction[0] if len(t) == 1 else (
+            point_step.length([rate + shift for rate, shift in zip(of_run, carried.shift, strict=True)])
+            - carried.shift_along
         )
         self.v_found: Any = np.where(stuck > 0, 0.0, np.where(opened > 0, self.free, solved))
 
@@ -342,7 +316,7 @@ class InitialMap:
         self._given = np.ascontiguousarray(given.T)
         rate: list[Any] = [symbol(f"given_{k}") for k in t]
         shear_0: list[Any] = [symbol(f"shear_traction_0_{k}") for k in t]
-        shear, speed, sigma = _length(shear_0), _length(rate), symbol("normal_stress_0")
+        shear, speed, sigma = point_step.length(shear_0), point_step.length(rate), symbol("normal_stress_0")
         _, law = parameters_as_symbols(fault.friction, "p_")
         state: Mapping[str, Any] = record(law.initial_state, sigma, shear, speed)
         creep: Any = _as_expression(record(law.carried_slip_rate, shear, sigma, state))
@@ -414,22 +388,3 @@ def _sums(expressions: Sequence[Expression], factors: Sequence[Any]) -> dict[Exp
 
 def _as_expression(value: Any) -> Expression:
     return value if isinstance(value, Expression) else constant(value)
-
-
-def _sum(terms: Any) -> Any:
-    total: Any = 0.0
-    for term in terms:
-        total = term + total
-    return total
-
-
-def _length(vector: Sequence[Any]) -> Any:
-    """Return the length of a vector with the derivative zero where it is zero."""
-    if len(vector) == 1:
-        return np.abs(vector[0])
-    square = _sum(each * each for each in vector)
-    return np.where(square > 0, np.sqrt(np.where(square > 0, square, 1.0)), 0.0)
-
-
-def _nonzero(value: Any) -> Any:
-    return np.where(value > 0, value, 1.0)
