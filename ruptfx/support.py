@@ -261,6 +261,14 @@ def _cohesion(choices: Choices) -> Iterator[Refusal]:
             yield Refusal((key,), f"an interface with {gap} has no cohesion", drop=((key,), (gap,)))
 
 
+def _gap(choices: Choices) -> Iterator[Refusal]:
+    stepper = _stepper(choices)
+    keys = tuple(f"faults.{name}.gap" for name in _faults(choices, "gap"))
+    if keys and not stepper.gap:
+        reason = f"the interfaces of stepper.kind = '{stepper.kind()}' stay closed"
+        yield Refusal(keys, reason, (("stepper",),), (keys,))
+
+
 def _boundaries(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
     ties = tuple(
@@ -430,8 +438,8 @@ def _objective(choices: Choices) -> Iterator[Refusal]:
 
 
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
-    _contact_in_steps, _sliding, _cohesion, _boundaries, _attachments, _bodies, _planes, _materials, _varying, _memory,
-    _objective,
+    _contact_in_steps, _sliding, _cohesion, _gap, _boundaries, _attachments, _bodies, _planes, _materials, _varying,
+    _memory, _objective,
 )  # fmt: skip
 
 

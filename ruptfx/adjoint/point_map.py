@@ -34,7 +34,7 @@ from ruptfx.codegen.tracing import (
 )
 from ruptfx.contact import Point, Trial
 from ruptfx.faults import point_step
-from ruptfx.faults.fault import FASTEST_CREEP, Fault
+from ruptfx.faults.fault import Fault
 from ruptfx.faults.points import Clock
 from ruptfx.faults.projection import TracedLaw, parameters_as_symbols
 
@@ -320,7 +320,7 @@ class InitialMap:
         _, law = parameters_as_symbols(fault.friction, "p_")
         state: Mapping[str, Any] = record(law.initial_state, sigma, shear, speed)
         creep: Any = _as_expression(record(law.carried_slip_rate, shear, sigma, state))
-        creep = np.where(creep < FASTEST_CREEP, creep, 0.0)
+        creep = np.minimum(creep, _as_expression(record(law.largest_initial_slip_rate)))
         start = {
             **{f"slip_{k}": constant(0) for k in t},
             **{f"mean_slip_rate_{k}": np.where(speed > 0, rate[k], creep * shear_0[k] / np.maximum(shear, 1e-300))

@@ -20,7 +20,6 @@ from ruptfx.nucleation import Nucleation
 from ruptfx.schema import CaseError
 from ruptfx.state import FaultState
 
-FASTEST_CREEP = 1e-3  # m/s; initial slip rates from here on are set to zero: the bodies start at rest
 _TRIED_RATES = (0.0, 1e-9, 1e-6, 1e-3, 1.0, 10.0)  # m/s
 _TRIED_TIMES = (0.0, 1e-6, 1.0, 1e3)  # s
 _TRIED_STRESS = 1e6  # Pa; normal stress for points without compression at the start
@@ -130,7 +129,7 @@ class Fault:
         law_state = self.friction.initial_state(self.normal_stress_0, shear, speed)
         with np.errstate(over="ignore"):
             creep = self.friction.carried_slip_rate(shear, self.normal_stress_0, law_state)
-        creep = np.where(creep < FASTEST_CREEP, creep, 0.0)  # the bodies are at rest
+        creep = np.minimum(creep, self.friction.largest_initial_slip_rate())
         direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
         rate = np.where(speed[:, None] > 0, given, creep[:, None] * direction)
         start = {

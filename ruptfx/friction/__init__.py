@@ -115,6 +115,15 @@ class FrictionLaw(Alternative):
         """
         return 0.0 * normal_stress
 
+    def largest_initial_slip_rate(self) -> Array:
+        """Return the largest slip rate [m/s] at which an interface begins to carry its initial stress.
+
+        Bodies are at rest at the start: an interface whose stress needs a larger slip rate, or whose law names none,
+        accelerates to it in the first steps.
+        """
+        inner = getattr(self, "law", None)
+        return inner.largest_initial_slip_rate() if inner is not None else 0.0
+
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         """Return the shear traction [Pa] in steady sliding at `slip_rate` [m/s].
 

@@ -84,6 +84,9 @@ class Creeping(FrictionLaw):
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         return self.slip_rate(np.abs(shear_stress), np.maximum(normal_stress, 1e-300), state)
 
+    def largest_initial_slip_rate(self) -> Array:
+        return np.maximum(self.V_0, self.V_initial)
+
     def lengths(self, normal_stress: Array, slip_rate: Array) -> RateDependence:
         """Return the lengths of small perturbations at low slip rates."""
         return RateDependence(self.a * normal_stress, self.b * normal_stress, self.D_c)

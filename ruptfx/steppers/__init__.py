@@ -108,6 +108,8 @@ class Stepper(Alternative):
     """Whether interfaces may slide (`sliding`)."""
     cohesion: ClassVar[bool] = True
     """Whether interfaces may have cohesion."""
+    gap: ClassVar[bool] = True
+    """Whether interfaces may be open at the start."""
     fracture: ClassVar[bool] = False
     """Whether bodies may break."""
     large_rotations: ClassVar[bool] = False

@@ -63,6 +63,7 @@ class QuasiDynamic(Stepper):
     adaptive: ClassVar[bool] = True
     sliding: ClassVar[bool] = False
     cohesion: ClassVar[bool] = False
+    gap: ClassVar[bool] = False
     elastic_contact_only: ClassVar[bool] = True
 
     tolerance: Fraction = 1e-4
@@ -135,23 +136,26 @@ class QuasiDynamicMotion(SlowMotion):
         return time
 
     def _first_step(self) -> float:
-        fastest = self._of_all(lambda fault: self._initial_guess(fault, fault.initial_state()))
+        fastest = self._of_all(lambda fault: self._carried_rate(fault, fault.initial_state()))
         rate = float((fastest / self._D_c).max(initial=0.0))
         return parallel.three_digits(0.01 / rate) if rate > 0 else self._greatest
 
     def _initial_guess(self, fault: Fault, fields: FaultState) -> np.ndarray:
         """Return slip rates as first iterates of Newton's method [m/s], shape (n,).
 
-        A point at rest, or one with an initial slip rate that was set to zero, begins at the slip rate that the
-        law carries, or at the rate that radiates all of its traction, whichever is less.
+        A point at rest begins at the rate of `_carried_rate`.
         """
         speed = speed_of(fault, fields)
+        return np.where(speed > np.exp(SLOWEST), speed, self._carried_rate(fault, fields))
+
+    def _carried_rate(self, fault: Fault, fields: FaultState) -> np.ndarray:
+        """Return the slip rate at which the law carries the traction, at most that which radiates all of it [m/s]."""
         shear = np.linalg.norm(fault.components(fields, "shear_traction"), axis=1)
         with np.errstate(all="ignore"):
             state = {name: fields[name] for name in fault.friction.all_state_fields()}
             law = fault.friction.carried_slip_rate(shear, fields["normal_stress"], state)
             carried = np.fmin(law, shear / self.radiation[fault.name])
-        return np.where(speed > np.exp(SLOWEST), speed, np.nan_to_num(carried, nan=0.0))
+        return np.nan_to_num(carried, nan=0.0)
 
     def _of_all(self, ask: Callable[[Fault], np.ndarray]) -> np.ndarray:
         """Return values of all points from a function of each fault; collective."""

@@ -117,6 +117,21 @@ def test_refuses_contact_that_is_rigid_or_opens() -> None:
         reach(pulled, 1e-4)
 
 
+def test_a_gap_is_for_quasi_static_steps() -> None:
+    """The refusal names them, and they run: open over a third of the interface, at rest and without traction there."""
+    closed = {"kind": "boxcar", "inside": 0.0, "center": 6e-3, "half_width": 2e-3, "outside": 6e6}
+    opened = {"faults.main.initial_stress": {"normal": closed}, "faults.main.gap": {
+        **closed, "inside": 1e-7, "outside": 0.0}}  # fmt: skip
+    with pytest.raises(CaseError, match=facts(r"faults\.main\.gap.*quasi_static")):
+        plates(opened)
+    _, _, state = reach(plates({**opened, "stepper": {"kind": "quasi_static"}}), 1e-3)
+    fields = state.faults["main"]
+    inside = fields["opening"] > 0
+    assert 0 < inside.sum() < len(inside)
+    assert np.abs(fields["opening"][inside] - 1e-7).max() < 1e-8
+    assert not fields["shear_traction"][inside].any() and not fields["normal_stress"][inside].any()
+
+
 def by_hand(fields: Any) -> np.ndarray:
     """Strength of the ageing law [Pa], shape (n,)."""
     # a sigma asinh(V / (2 V_0) exp(psi / a)), psi = f_0 + b ln(V_0 theta / D_c)
