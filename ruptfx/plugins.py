@@ -25,6 +25,7 @@ import tomli_w
 from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
 
 from ruptfx import RuptfxError, Table
+from ruptfx.input.files import Sums, identity, require_file
 from ruptfx.results import run_files
 from ruptfx.schema import (
     Alternative,
@@ -40,6 +41,7 @@ from ruptfx.schema import (
     set_key,
 )
 
+MOST_BYTES = 10_000_000  # largest size of a plug-in
 FOLDER = "plugins"
 """Where a run directory keeps the copies."""
 MODULE = "ruptfx_plugin_"
@@ -125,9 +127,9 @@ def _source(path: Path) -> bytes:
     if path.suffix != ".py" or (path.exists() and not path.is_file()):
         raise CaseError(f"plugins: {path}: not a Python file; its name must end with .py")
     try:
-        return path.read_bytes()
-    except OSError as error:
-        raise CaseError(f"plugins: {path}: cannot be read: {error.strerror}") from None
+        return require_file(path, MOST_BYTES, "plug-ins", "give a Python file").read_bytes()
+    except (OSError, ValueError) as error:
+        raise CaseError(f"plugins: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _defined(module: ModuleType) -> dict[str, dict[str, type]]:
@@ -287,6 +289,7 @@ class CaseFile(Part):
     plugins: list[str] = []
     """Python files that define further kinds, relative to the case file. They run when the case is read."""
     _plugins: tuple[Plugin, ...] = PrivateAttr(())
+    _sums: Sums | None = PrivateAttr(None)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -369,11 +372,37 @@ class CaseFile(Part):
         return tomli_w.dumps(self.table())
 
     @property
+    def sums(self) -> Sums:
+        """Size and sha256 of all files that a run of the case reads, as they were when this was first asked for."""
+        if self._sums is None:
+            self._sums = self.read_sums()
+        return self._sums
+
+    def read_sums(self) -> Sums:
+        """Return size and sha256 of these files as they are now."""
+        paths = dict.fromkeys(path.absolute() for part in _parts(self) for path in part.files())
+        return {str(path): identity(path) for path in paths}
+
+    def set_sums(self, sums: Sums) -> None:
+        """Set size and sha256 of these files, at the start of a run, on all ranks to those of one."""
+        self._sums = sums
+
+    @property
     def hash(self) -> str:
-        """Content hash, equal for cases of the same run, independent of the location of plug-ins."""
+        """Content hash, equal for cases of the same run, with all files that it reads; plug-ins may be anywhere."""
+        return self._hash(self.sums)
+
+    @property
+    def hash_without_files(self) -> str:
+        """Content hash of earlier versions, without the content of meshes and other files that a run reads."""
+        return self._hash({})
+
+    def _hash(self, sums: Sums) -> str:
         table = self.table()
         if "plugins" in table:
             table["plugins"] = sorted([plugin.path.name, plugin.digest] for plugin in self.plugin_files())
+        if sums:
+            table["sums"] = sums
         return hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()[:16]
 
     def hash_in(self, directory: Path) -> str | None:
@@ -406,8 +435,10 @@ class CaseFile(Part):
         return {**table, "plugins": [f"{FOLDER}/{p.path.name}" for p in files]} if files else table
 
     def save(self, directory: Path) -> None:
-        """Write ``case.toml`` and the plug-ins, so that the directory is self-contained."""
-        (directory / "case.toml").write_text(tomli_w.dumps(self.copied(directory)), encoding="utf-8")
+        """Write ``case.toml``, the plug-ins, and the checksums of all files that a run reads."""
+        (directory / run_files.CASE).write_text(tomli_w.dumps(self.copied(directory)), encoding="utf-8")
+        if self.sums:
+            run_files.write_json(directory / run_files.INPUTS, self.sums)
 
 
 def _parts(value: object) -> Iterator[Part]:

@@ -289,6 +289,11 @@ class Part(BaseModel, metaclass=_Reworded):
         hidden = set(dir(BaseModel)) - {"model_copy"}
         return sorted(name for name in super().__dir__() if not name.startswith("__") and name not in hidden)
 
+    def files(self) -> list[Path]:
+        """Return the files that a run reads, and a resumed one again; without those of the parts inside."""
+        values = {name: getattr(self, name) for name in type(self).model_fields if has_mark(type(self), name, RunFile)}
+        return [Path(value) for value in values.values() if isinstance(value, str)]
+
     def at(self, position: np.ndarray) -> Self:
         """Return the part with every profile evaluated at the points.
 
@@ -663,11 +668,14 @@ def _marks(field: FieldInfo) -> list[object]:
     return [*field.metadata, *inner]
 
 
+class RunFile:
+    """Mark of keys that name a file which a run reads; the resolved case contains the numbers of other files."""
+
+
 def _resolve(path: object, info: ValidationInfo) -> object:
-    directory = (info.context or {}).get("directory")
-    return str(Path(directory, path)) if directory is not None and isinstance(path, str) else path
+    return str(Path((info.context or {}).get("directory") or ".", path).absolute()) if isinstance(path, str) else path
 
 
-CasePath = Annotated[str, BeforeValidator(_resolve)]
-"""A file named in a case, relative to the case file."""
+CasePath = Annotated[str, BeforeValidator(_resolve), RunFile()]
+"""A file named in a case, relative to the case file; absolute in the resolved case."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]

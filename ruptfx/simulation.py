@@ -101,6 +101,7 @@ def simulate(
     comm = comm or fem.MPI.COMM_WORLD
     if resume:
         parallel.on_root(comm, lambda: directories.refuse_links(out))
+    case.set_sums(parallel.on_root(comm, case.read_sums))
     same = parallel.on_root(comm, lambda: case.hash) == case.hash
     parallel.raise_on_all(comm, None if same else RuptfxError(
         f"rank {comm.rank} read another case than rank 0: are the case file and its plug-ins the same on all machines?"
@@ -116,7 +117,10 @@ def simulate(
     restart()
     with run_directory.reserved(comm, out):
         place = run_directory.begun(comm, out, case) if resume else out
-        checkpoint = Checkpoint.latest(comm, place, case.hash) if resume else None
+        checkpoint = Checkpoint.latest(comm, place, case) if resume else None
+        if checkpoint and comm.rank == 0 and case.sums and not (place / run_files.INPUTS).is_file():
+            files = ", ".join(case.sums)
+            note(f"{out}: of an earlier version, without checksums of {files}: assumed to be unchanged", progress)
         if not (resume or overwrite):
             run_directory.prepare(comm, out)
         began = time.perf_counter()

@@ -23,6 +23,7 @@ from ruptfx.inference.result import Fit, Recovered, Result
 from ruptfx.misfits import Inference
 from ruptfx.platform import parallel
 from ruptfx.platform.progress import Progress
+from ruptfx.results import run_files
 
 Floats = NDArray[np.float64]
 DRAWS = 4000
@@ -75,6 +76,7 @@ class Inversion:
         if path.exists():
             if _without_settings(read_case(path)) != _without_settings(self.case):
                 raise RuptfxError(f"{self._out}: has an inference of another case; give another --out, or remove it")
+            run_files.check_inputs(self._out)
         elif self._out.exists() and any(self._out.iterdir()):
             raise RuptfxError(f"{self._out}: contains other files; give another --out")
         self._out.mkdir(parents=True, exist_ok=True)

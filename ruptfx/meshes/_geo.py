@@ -47,6 +47,25 @@ def check(path: Path) -> None:
             todo += _scan(file, directory)
 
 
+def sources(path: Path) -> list[Path]:
+    """Return all existing files that a script names after Include, Merge and ShapeFromFile, and its file of options."""
+    todo, seen = [(path, True), (path.with_name(path.name + ".opt"), True)], dict[Path, None]()
+    while todo:
+        named, is_script = todo.pop()
+        file = named.absolute()
+        if file in seen or not file.is_file():
+            continue
+        seen[file] = None
+        if not is_script and file.suffix not in _SCRIPTS:
+            continue
+        words = [token.group() for token in _TOKEN.finditer(file.read_bytes().decode("latin-1"))]
+        for number, word in enumerate(words):
+            if _READS.fullmatch(word):
+                names = [name[1:-1] for name in words[number + 1 : number + 3] if name.startswith('"')]
+                todo += [(file.parent / name, word.lower() == "include") for name in names]
+    return [file for file in seen if file != path.absolute()]
+
+
 def _scan(path: Path, directory: Path) -> list[Path]:
     """Scan a script and return the scripts that it reads."""
     text = path.read_bytes().decode("latin-1")

@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
+from ruptfx.input.files import require_file
 from ruptfx.meshes import FACETS, MeshSource, RawMesh, _geo
 from ruptfx.meshes._cut import Facets, places
 from ruptfx.schema import CasePath, Name, OwnJsonSchema, Part
@@ -35,6 +36,7 @@ _CELLS = [
 ]
 _DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
 
+MOST_BYTES = 50_000_000_000  # largest size of a mesh file
 SECONDS = 600.0  # time limit of Gmsh for a script
 AGAIN = "write it again with Gmsh, or whatever made it"
 
@@ -81,6 +83,10 @@ class GmshFile(MeshSource):
     """Metres per length unit of the file."""
     trust: bool = False
     """Allow a .geo file to run commands, write files and read outside of its directory, with your permissions."""
+
+    def files(self) -> list[Path]:
+        path = Path(self.file)
+        return [path, *_geo.sources(path)] if path.suffix == ".geo" and path.is_file() else [path]
 
     def build(self) -> RawMesh:
         points, cell, cells, bodies, cell_body, named, middle = _read(Path(self.file), self.trust)
@@ -226,8 +232,10 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     """Return vertices, cell type, cells, names of bodies, body of every cell, named facets, other nodes of cells."""
     import meshio
 
-    if not path.is_file():
-        raise RuptfxError(f"{path}: no such mesh file; mesh.file is relative to the case file")
+    try:
+        require_file(path, MOST_BYTES, "mesh files", "mesh.file is relative to the case file, or absolute")
+    except ValueError as error:
+        raise RuptfxError(str(error)) from None
     if path.suffix == ".geo" and not trust:
         _geo.check(path)
     try:

@@ -23,14 +23,15 @@ import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__, fem
+from ruptfx.input.files import checksum as _checksum
 from ruptfx.platform import parallel
 from ruptfx.platform.stopwatch import phase
 from ruptfx.recording.shared_file import SharedFile
 from ruptfx.results import directories, run_files
-from ruptfx.results.run_files import checksum as _checksum
 from ruptfx.results.run_files import seal as _seal
 
 if TYPE_CHECKING:
+    from ruptfx.case import Case
     from ruptfx.mechanisms import Rows
     from ruptfx.model import Model
     from ruptfx.state import State
@@ -177,7 +178,7 @@ class Checkpoint:
         self.path, self.manifest = path, manifest
 
     @classmethod
-    def latest(cls, comm: fem.MPI.Comm, out: Path, case_hash: str) -> Checkpoint | None:
+    def latest(cls, comm: fem.MPI.Comm, out: Path, case: Case) -> Checkpoint | None:
         """Return the newest checkpoint of a run directory, or the previous one if that is damaged; collective.
 
         None if the run was stopped before its first checkpoint.
@@ -188,7 +189,7 @@ class Checkpoint:
             No undamaged checkpoint, or one of another case or version.
         """
 
-        found = parallel.on_root(comm, lambda: newest(all_of(out), case_hash))
+        found = parallel.on_root(comm, lambda: newest(all_of(out), case))
         return None if found is None else cls(*found)
 
     def restore_files(self, out: Path) -> None:
@@ -216,10 +217,17 @@ class Checkpoint:
         try:
             with h5py.File(self.path / "state.h5", locking=False) as file:
                 here = model.layout.rows.here
-                blocks = {name: rows[here] for name, rows in file["nodes"].items()}
+                for name, rows in file["nodes"].items():
+                    if len(rows) != model.total_nodes:
+                        raise CheckpointError(
+                            f"{self.path}: '{name}' has {len(rows)} nodes and the mesh {model.total_nodes}; {_ANEW}"
+                        )
+                    blocks[name] = rows[here]
                 for each in model.mechanisms:
                     each.restore(state, lambda name: np.asarray(file[name][()]))
-        except (OSError, KeyError) as caught:
+        except CheckpointError as caught:
+            error = caught
+        except (OSError, KeyError, ValueError) as caught:
             error = CheckpointError(f"{self.path}: rank {model.comm.rank} cannot read it ({caught}); all ranks have to")
         parallel.raise_on_all(model.comm, error)
         for name in ("displacement", "velocity"):
@@ -263,7 +271,7 @@ def all_of(out: Path) -> list[Path]:
     return sorted(path for path in found if path.is_dir() and path.name.removeprefix("step_").isdecimal())
 
 
-def newest(paths: list[Path], case_hash: str) -> tuple[Path, Table] | None:
+def newest(paths: list[Path], case: Case) -> tuple[Path, Table] | None:
     """Return the last of these checkpoints that is undamaged, and its manifest; None if there are none.
 
     Raises
@@ -274,7 +282,7 @@ def newest(paths: list[Path], case_hash: str) -> tuple[Path, Table] | None:
     refused = []
     for path in reversed(paths):
         try:
-            return path, _verified(path, case_hash)
+            return path, _verified(path, case)
         except CheckpointError as error:
             refused.append(str(error))
     if refused:
@@ -312,7 +320,7 @@ def read_manifest(path: Path) -> Table:
     return manifest
 
 
-def _verified(path: Path, case_hash: str) -> Table:
+def _verified(path: Path, case: Case) -> Table:
     """Return the manifest after every check."""
     manifest = read_manifest(path)
     if manifest.get("layout") != LAYOUT:
@@ -321,9 +329,9 @@ def _verified(path: Path, case_hash: str) -> Table:
         raise CheckpointError(
             f"{path}: written by ruptfx {manifest['ruptfx_version']}, this is {__version__}; resume with that version"
         )
-    if manifest["case_hash"] != case_hash:
+    if manifest["case_hash"] not in (case.hash, case.hash_without_files):
         raise CheckpointError(
-            f"{path}: belongs to case {manifest['case_hash']}, this is case {case_hash}; "
+            f"{path}: belongs to case {manifest['case_hash']}, this is case {case.hash}; "
             "resume with the case.toml of the run directory"
         )
     for name, checksum in manifest["files"].items():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ruptfx import RuptfxError
 from ruptfx.case import Case
+from ruptfx.input.files import checksum
 from ruptfx.recording import checkpoint
 from ruptfx.results import directories, run_files
 
@@ -47,11 +48,12 @@ def extend(out: Path, before: Case, longer: Case) -> Case:
     intervals = {f"{what}_interval": interval for what, interval in before.intervals.items()}
     case = longer.model_copy(update={"output": before.output.model_copy(update=intervals)})
     directories.refuse_links(out)
+    run_files.check_inputs(source)
     with directories.reserved(out):
         paths = checkpoint.all_of(source)
         if (source / run_files.SUMMARY).is_file():
             paths += filter(Path.is_dir, [source / checkpoint.FOLDER / directories.FINAL])
-        found = checkpoint.newest(paths, before.hash)
+        found = checkpoint.newest(paths, before)
         if found is None:
             raise RuptfxError(
                 f"{out}: has no checkpoint to go on from; run its case from the beginning: "
@@ -67,7 +69,7 @@ def extend(out: Path, before: Case, longer: Case) -> Case:
             run_files.check(source, name)
         for file in (*(path / name for name in manifest["files"]), *(source / name for name in histories)):
             _link(file, copy / file.name)
-        sums = {name: run_files.checksum(copy / name) for name in histories}
+        sums = {name: checksum(copy / name) for name in histories}
         files = {**manifest["files"], **sums}
         checkpoint.write_manifest(copy, {**manifest, "case_hash": case.hash, "files": files, "histories": []})
         if (source / "run.log").is_file():

@@ -99,10 +99,11 @@ def is_finished(out: Path, case: RunCase) -> bool:
     Raises
     ------
     RuptfxError
-        If it contains a run of another case, or its case was changed.
+        If it contains a run of another case, or its case or a file that the run reads was changed.
     """
     end_replacement(out)
     if case.hash_in(out / NEW) == case.hash:
+        run_files.check_inputs(out / NEW)
         return False
     run_files.check(out, run_files.CASE)
     found = case.hash_in(out)
@@ -111,6 +112,7 @@ def is_finished(out: Path, case: RunCase) -> bool:
             f"{out}: holds a run of case {found}, this is case {case.hash}; resume with its own case.toml and "
             "without other values of --set, or choose another --out"
         )
+    run_files.check_inputs(out)
     return (out / run_files.SUMMARY).exists()
 
 

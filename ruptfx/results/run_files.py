@@ -14,10 +14,13 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from ruptfx import RuptfxError, Table
+from ruptfx.input.files import check_unchanged, checksum
 
 NAME = "files.json"
 SUMMARY = "summary.json"
 CASE = "case.toml"
+INPUTS = "inputs.json"
+"""Size and sha256 of the files outside of the directory that the run reads; only if the case names some."""
 PLUGINS = "plugins"
 FREE = ("figures/", "run.log")  # files without checksum
 Sums = dict[str, str | None]
@@ -25,12 +28,6 @@ Sums = dict[str, str | None]
 
 class ChangedFileError(RuptfxError):
     """Error of a file that differs from that written by the run; the message names it and the remedy."""
-
-
-def checksum(path: Path) -> str:
-    """Return the sha256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def seal(table: Table) -> str:
@@ -86,7 +83,7 @@ def _is_inside(name: str) -> bool:
 def begin(run: Path, names: Iterable[str]) -> None:
     """List the files that a run is about to write; the existing case and plug-ins get their checksums."""
     files: Sums = {**(listed(run) or {}), **dict.fromkeys(names)}
-    for path in (run / CASE, *(run / PLUGINS).glob("*.py")):
+    for path in (run / CASE, *run.glob(INPUTS), *(run / PLUGINS).glob("*.py")):
         files[path.relative_to(run).as_posix()] = checksum(path)
     _write(run, files)
 
@@ -129,14 +126,38 @@ def check(run: Path, name: str) -> None:
     stem, _, suffix = name.rpartition(".")
     for found, expected in files.items():
         of_a_rank = found.startswith(f"{stem}.") and found.endswith(f".{suffix}")
-        if found == name or of_a_rank or (name == CASE and found.startswith(f"{PLUGINS}/")):
+        if found == name or of_a_rank or (name == CASE and (found == INPUTS or found.startswith(f"{PLUGINS}/"))):
             _compare(run / found, expected)
+
+
+def check_inputs(run: Path) -> bool:
+    """Compare the files that a run reads with their checksums at its start.
+
+    Returns
+    -------
+    bool
+        False without checksums: a run of an earlier version, or one that reads no files.
+
+    Raises
+    ------
+    RuptfxError
+        A file was changed or is missing.
+    """
+    path = run / INPUTS
+    if not path.is_file():
+        return False
+    try:
+        sums = dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        raise ChangedFileError(f"{path}: damaged, so the files of the case cannot be compared; run it again") from None
+    check_unchanged(sums, run)
+    return True
 
 
 def _compare(path: Path, expected: str | None) -> None:
     if expected is None or not path.is_file() or checksum(path) == expected:
         return
-    if path.name == CASE or path.parent.name == PLUGINS:
+    if path.name in (CASE, INPUTS) or path.parent.name == PLUGINS:
         raise ChangedFileError(
             f"{path}: {path.name} was changed after the run; undo that, or run the changed case into another --out"
         )

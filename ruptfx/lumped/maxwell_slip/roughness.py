@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.signal import fftconvolve
 
 from ruptfx import RuptfxError
 from ruptfx.input.number_files import factors, is_number, number, require_increasing, text_of
-from ruptfx.schema import Part
+from ruptfx.schema import CasePath, Part
 from ruptfx.units import Fraction as Share
 from ruptfx.units import Length, Modulus, Positive
 
@@ -91,7 +91,7 @@ class Surface(Part):
     """Mean absolute height."""
     R_q: Length | None = None
     """RMS height [m]; R_a = R_q sqrt(2 / pi), Gaussian heights."""
-    profile: str | None = None
+    profile: CasePath | None = None
     """Text or CSV file: heights, or positions and heights."""
     profile_unit: Length | None = None
     """Metres per unit of the file, 1e-6 for micrometres; by default that of its header, as `x (um), z (um)`, or 1."""
@@ -104,13 +104,10 @@ class Surface(Part):
 
     @field_validator("profile")
     @classmethod
-    def _found(cls, profile: str | None, info: ValidationInfo) -> str | None:
-        if profile is None:
-            return None
-        path = Path((info.context or {}).get("directory") or ".") / profile
-        if not path.is_file():
-            raise ValueError(f"no such file ({path}); give the path of a height profile")
-        return str(path.resolve())
+    def _found(cls, profile: str | None) -> str | None:
+        if profile is not None and not Path(profile).is_file():
+            raise ValueError(f"no such file ({profile}); give the path of a height profile")
+        return profile
 
     @model_validator(mode="after")
     def _one_measure(self) -> Surface:

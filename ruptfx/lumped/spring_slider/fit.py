@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 import xarray
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, field_validator
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
@@ -18,6 +18,7 @@ from ruptfx.input.number_files import named_columns, number, require_increasing
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment
 from ruptfx.lumped.spring_slider.slider import Slider, integrate
+from ruptfx.schema import CasePath
 
 _COLUMNS = {"time": "s", "drive_speed": "m/s", "friction": "1"}
 _FITTED = ("a", "b", "D_c", "f_0")
@@ -32,7 +33,7 @@ class Fit(Experiment):
 
     name = "fit"
     kind: Literal["fit"] = "fit"
-    trace: str
+    trace: CasePath
     """CSV file with the columns time [s], drive_speed [m/s] and friction, and a header that names them; it may give
     other units, as `time (ms)`."""
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
@@ -40,11 +41,10 @@ class Fit(Experiment):
 
     @field_validator("trace")
     @classmethod
-    def _found(cls, trace: str, info: ValidationInfo) -> str:
-        path = Path((info.context or {}).get("directory") or ".") / trace
-        if not path.is_file():
-            raise ValueError(f"no such file ({path}); give a CSV with the columns {', '.join(_COLUMNS)}")
-        return str(path.resolve())
+    def _found(cls, trace: str) -> str:
+        if not Path(trace).is_file():
+            raise ValueError(f"no such file ({trace}); give a CSV with the columns {', '.join(_COLUMNS)}")
+        return trace
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         time, drive, measured = read_trace(self.trace)

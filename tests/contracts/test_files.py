@@ -1,0 +1,200 @@
+"""Every key that names a file: a resumed run either does not read the file again, or refuses another content."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+import xarray
+from helpers.messages import facts
+from helpers.small_cases import plates
+from typer.testing import CliRunner
+
+from ruptfx import RuptfxError
+from ruptfx.case import FOLDERS, parse_case, read_case
+from ruptfx.cli import app
+from ruptfx.input.files import checksum
+from ruptfx.recording import checkpoint
+from ruptfx.results import run_files
+from ruptfx.schema import Part, RunFile, alternatives, descriptions, has_mark
+
+GEO = (Path(__file__).parents[1] / "data" / "two_bodies.geo").read_text()
+MESH = {"kind": "gmsh_file", "file": "mesh.geo", "interfaces": {"main": {"plus": "upper", "minus": "lower"}}}
+GAUGE = {"kind": "fault_receiver", "name": "fault", "interval": 2.3e-7, "position": 5.3e-3}
+SLIDER = {
+    "kind": "spring_slider", "stiffness": 1e8, "normal_force": 1e4,
+    "friction": {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6},
+}  # fmt: skip
+
+
+def text(name: str, lines: str) -> Callable[[Path], dict[str, Path]]:
+    def write(folder: Path) -> dict[str, Path]:
+        (folder / name).write_text(lines)
+        return {name: folder / name}
+
+    return write
+
+
+def grid(name: str, **dims: list[float]) -> Callable[[Path], dict[str, Path]]:
+    def write(folder: Path) -> dict[str, Path]:
+        values = np.full([len(values) for values in dims.values()], 5e9)
+        xarray.Dataset({"E": (list(dims), values)}, coords=dims).to_netcdf(folder / name, engine="h5netcdf")
+        return {name: folder / name}
+
+    return write
+
+
+def scripts(folder: Path) -> dict[str, Path]:
+    """A script that includes another one, and its file of options."""
+    (folder / "mesh.geo").write_text('Include "inner.geo";\n')
+    (folder / "inner.geo").write_text(GEO)
+    (folder / "mesh.geo.opt").write_text("Mesh.Smoothing = 1;\n")
+    return {name: folder / name for name in ("mesh.geo", "inner.geo", "mesh.geo.opt")}
+
+
+def tables() -> dict[str, tuple[dict[str, Any], Callable[[Path], dict[str, Path]]]]:
+    """Cases and writers of their files, by class and key."""
+    law = "faults.main.friction"
+    traces = {"kind": "traces", "instrument": "fault", "file": "t.csv", "sigma": 1e-6}
+    field = {"kind": "displacement_field", "file": "u.csv", "time": 1e-6, "sigma": 1e-6}
+    moved = {"kind": "moved", "edge": "upper.left", "component": "x", "quantity": "velocity", "file": "v.csv"}
+    table = {"kind": "coulomb", "mu_d": {"kind": "table", "file": "p.csv"}}
+    surface = {"kind": "coulomb", "mu_d": {"kind": "surface_table", "file": "s.csv"}}
+    trace = "time,drive_speed,friction\n" + "".join(f"{i},1e-6,0.6\n" for i in range(20))
+    height = "".join(f"{(-1) ** i}e-6\n" for i in range(9))
+    return {
+        "GmshFile.file": (plates({"mesh": MESH}), scripts),
+        "Grid.file": (plates({"materials.default.young_modulus": {"kind": "grid", "file": "E.nc", "variable": "E"}}),
+                      grid("E.nc", x=[0.0, 0.012], y=[-0.01, 0.01])),
+        "Fit.trace": ({**SLIDER, "experiment": {"kind": "fit", "trace": "f.csv"}}, text("f.csv", trace)),
+        "Surface.profile": ({"kind": "maxwell_slip", "surfaces": [{"name": "a", "profile": "z.txt"}]},
+                            text("z.txt", height)),
+        "Table.file": (plates({law: table}), text("p.csv", "x,mu\n-1,0.5\n1,0.6\n")),
+        "SurfaceTable.file": (plates({law: surface}), text("s.csv", "0,0,1\n1,0,1\n0,1,1\n1,1,1\n")),
+        "Moved.file": (plates({"boundaries": [moved]}), text("v.csv", "time (us),v (m/s)\n0,0\n20,5\n")),
+        "Traces.file": (plates({"instruments": [GAUGE], "objective": [traces]}),
+                        text("t.csv", "time (us),slip (um)\n1,0\n2,0\n")),
+        "DisplacementField.file": (plates({"objective": [field]}), text("u.csv", "x (mm),y (mm),displacement_x (um)\n"
+                                                                          "5,1,0\n")),
+    }  # fmt: skip
+
+
+TABLES = tables()
+
+
+def keys_of_files() -> Iterator[str]:
+    """Keys of text that are called `file`, have the mark, or whose description begins with a file."""
+    for folder in (*FOLDERS, "lumped"):
+        alternatives(f"ruptfx.{folder}")
+    classes, todo = dict[type[Part], None](), [Part]
+    while todo:
+        cls = todo.pop()
+        todo += cls.__subclasses__()
+        classes[cls] = None
+    for cls in classes:
+        for key, field in cls.model_fields.items():
+            said = descriptions(cls).get(key, "").partition(".")[0]
+            of_file = key == "file" or has_mark(cls, key, RunFile) or ("file" in said and key != "plugins")
+            if cls.__module__.startswith("ruptfx.") and "str" in str(field.annotation) and of_file:
+                yield f"{cls.__name__}.{key}"
+
+
+def test_every_key_that_names_a_file_has_a_case_here() -> None:
+    # `data` and `variable` tell of the file of another key; the case of a study is no key of a run.
+    assert set(keys_of_files()) - {"Traces.data", "SurfaceTable.variable", "Study.case", "Study.plugins"} == set(TABLES)
+
+
+@pytest.mark.parametrize("key", TABLES)
+def test_a_file_is_contained_in_the_resolved_case_or_has_a_checksum(key: str, tmp_path: Path) -> None:
+    table, write = TABLES[key]
+    files = write(tmp_path)
+    case, run = parse_case(table, tmp_path), tmp_path / "run"
+    run.mkdir()
+    case.save(run)
+    is_named = str(tmp_path / next(iter(files))) in (run / "case.toml").read_text()
+    if not is_named:
+        assert not case.sums
+        for path in files.values():
+            path.unlink()
+        assert read_case(run / "case.toml").hash == case.hash and not run_files.check_inputs(run)
+        return
+    assert set(case.sums) == {str(path) for path in files.values()} and run_files.check_inputs(run)
+    for path in files.values():
+        before = path.read_bytes()
+        size, sha256 = len(before), checksum(path)
+        path.write_bytes(before + b" ")
+        words = rf"{path}: changed .*{sha256}, {size} bytes; now {checksum(path)}, {size + 1} bytes.*--out"
+        with pytest.raises(RuptfxError, match=facts(words)):
+            run_files.check_inputs(run)
+        assert parse_case(table, tmp_path).hash != case.hash
+        path.unlink()
+        with pytest.raises(RuptfxError, match=facts(rf"{path}: missing .*{sha256}, {size} bytes")):
+            run_files.check_inputs(run)
+        path.write_bytes(before)
+        assert run_files.check_inputs(run) and parse_case(table, tmp_path).hash == case.hash
+
+
+def begun(folder: Path) -> Path:
+    """A run on a mesh of a script that includes another, stopped after its last checkpoint."""
+    scripts(folder)
+    table = plates({"mesh": MESH, "duration": 1e-6, "output.checkpoint_steps": 2, "order": 1})
+    (folder / "case.toml").write_text(tomli_w.dumps(table))
+    assert invoked("run", folder / "case.toml", "--out", folder / "run", "--quiet") == (0, "")
+    (folder / "run" / "summary.json").unlink()
+    return folder / "run"
+
+
+def invoked(*arguments: str | Path) -> tuple[int, str]:
+    result = CliRunner(env={"COLUMNS": "400"}).invoke(app, [str(argument) for argument in arguments])
+    return result.exit_code, result.output
+
+
+def as_of_an_earlier_version(run: Path) -> None:
+    """Remove the checksums of files, and give all checkpoints the hash of before."""
+    case = read_case(run / "case.toml")
+    (run / "inputs.json").unlink()
+    for path in checkpoint.all_of(run):
+        manifest = checkpoint.read_manifest(path)
+        checkpoint.write_manifest(path, {**manifest, "case_hash": case.hash_without_files})
+    files = run_files.listed(run) or {}
+    run_files.write_json(run / "files.json", {"files": files, "seal": run_files.seal(files)})
+
+
+@pytest.mark.fem
+def test_resume_refuses_another_mesh_wherever_the_run_directory_is(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    run = begun(tmp_path)
+    case = read_case(run / "case.toml")
+    finer = GEO.replace("h = 2e-3", "h = 1.7e-3")
+    moved = tmp_path / "elsewhere" / "moved"
+    shutil.copytree(run, moved)
+    for place in (run, moved):
+        (tmp_path / "inner.geo").write_text(finer)
+        for options in ((), ("--duration", "2 us")):
+            code, said = invoked("resume", place, "--quiet", *options)
+            words = facts(rf"inner\.geo: changed .*{len(GEO)} bytes; now .*{len(finer)} bytes")
+            assert code == 1 and re.search(words, said)
+        assert invoked("run", tmp_path / "case.toml", "--out", place, "--resume", "--quiet")[0] == 1
+        (tmp_path / "inner.geo").write_text(GEO)
+    assert invoked("resume", moved, "--quiet")[0] == 0 and (moved / "summary.json").is_file()
+    assert json.loads((moved / "summary.json").read_text())["case_hash"] == case.hash
+
+
+@pytest.mark.fem
+def test_a_run_of_an_earlier_version_is_resumed_but_not_with_another_number_of_nodes(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    run = begun(tmp_path)
+    as_of_an_earlier_version(run)
+    (tmp_path / "inner.geo").write_text(GEO.replace("h = 2e-3", "h = 1.7e-3"))
+    code, said = invoked("resume", run)
+    assert code == 1 and re.search(facts(r"step_\d+: '\w+' has \d+ nodes and the mesh \d+"), said)
+    (tmp_path / "inner.geo").write_text(GEO)
+    code, said = invoked("resume", run)
+    assert code == 0 and re.search(facts(r"without checksums of .*mesh\.geo"), said)
