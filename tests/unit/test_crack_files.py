@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from helpers.crack_cases import RUBS, WEAK, case
+from helpers.units import check_units
 
 from ruptfx import simulate
 from ruptfx.record import Record
@@ -87,6 +88,7 @@ def test_every_field_of_a_snapshot(tmp_path: Path) -> None:
         assert [str(cracks.attrs["joints"][number]) for number in cracks.joint.values] == ["vein"]
         assert [str(cracks.attrs["bodies"][number]) for number in cracks.bodies.values[0]] == ["a", "b"]
         assert record.events["joint"].values.tolist() == ["vein"]
+    assert check_units(tmp_path) > 20
 
 
 def test_snapshots_have_the_time_of_their_tractions(tmp_path: Path) -> None:

@@ -165,6 +165,44 @@ def test_scec_files_are_the_record(run: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(columns["t"][broken], data.rupture_time[broken], rtol=1e-7)
 
 
+def test_every_column_of_a_series(tmp_path: Path) -> None:
+    """Seen along +y on a plane y = 0 with z up: strike is x, down dip is -z, away is y; all histories differ."""
+    t = np.arange(3.0)
+    fault = {"slip_1": 1 + t, "slip_2": 2 + t, "slip_rate_1": 3 + t, "slip_rate_2": 4 + t,
+             "shear_traction_1": 5e6 + 1e5 * t, "shear_traction_2": 6e6 + 1e5 * t, "normal_stress": 7e6 + 1e5 * t}
+    body = {f"{field}_{axis}": 10 * n + m + t for n, field in enumerate(("velocity", "displacement"), 1)
+            for m, axis in enumerate("xyz")}  # fmt: skip
+    with Record(synthetic.write_surface_run(tmp_path / "run")) as record:
+        view = scec_files.View.of(record.interface, "main")
+        table = {"name": "s", "point": [12e3, 0.0, -3e3]}
+        files = [
+            write(record, table, xarray.Dataset({name: ("time", each) for name, each in values.items()}, {"time": t}),
+                  view, tmp_path)
+            for write, values in ((scec_files._on_fault, fault), (scec_files._in_body, body))
+        ]  # fmt: skip
+    (_, on), (_, inside) = map(read, files)
+    expected = {"t": t, "n-stress": -fault["normal_stress"] / 1e6}
+    for number, name in enumerate("hv"):
+        weights = [(view.turn @ unit)[number] for unit in ([1.0, 0.0], [0.0, 1.0])]
+        for column, field, size in (("slip", "slip", 1.0), ("slip-rate", "slip_rate", 1.0),
+                                    ("shear-stress", "shear_traction", 1e-6)):  # fmt: skip
+            expected[f"{name}-{column}"] = size * sum(
+                weight * fault[f"{field}_{k}"] for k, weight in enumerate(weights, 1)
+            )  # fmt: skip
+    assert set(on) == set(expected)
+    for name, values in expected.items():
+        np.testing.assert_allclose(on[name], values, rtol=1e-6, err_msg=name)
+    moved = {"t": t}
+    for name, direction in {"h": view.strike, "v": np.array([0.0, 0.0, -1.0]), "n": view.away}.items():
+        for column, field in (("disp", "displacement"), ("vel", "velocity")):
+            moved[f"{name}-{column}"] = sum(
+                share * body[f"{field}_{axis}"] for share, axis in zip(direction, "xyz", strict=True)
+            )  # fmt: skip
+    assert set(inside) == set(moved)
+    for name, values in moved.items():
+        np.testing.assert_allclose(inside[name], values, rtol=1e-6, err_msg=name)
+
+
 def test_names_of_files_are_positions_in_100_m() -> None:
     table = {"name": "station"}
     assert scec_files._file_name(table, {"faultst": -12e3, "dp": 3e3}) == "faultst-120dp030.txt"
