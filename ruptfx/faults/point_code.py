@@ -20,7 +20,8 @@ from ruptfx.codegen.tracing import Expression, constant, record, symbol, to_c
 from ruptfx.contact import Point, Trial
 from ruptfx.faults.cohesive_interface import DAMAGED, STATE
 from ruptfx.faults.fault import Fault
-from ruptfx.faults.projection import BALANCED, BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
+from ruptfx.faults.point_step import BALANCED, BISECT_EVERY, MAX_ITERATIONS, TOLERANCE
+from ruptfx.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.fields import FIELDS, MONITORS, Moment
 from ruptfx.friction import AT_REST
 from ruptfx.state import FaultState

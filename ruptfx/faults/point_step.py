@@ -10,6 +10,9 @@ traction (strength + Z_i (V + k V_before)) d_i = trial'_i. The scalar equation i
 
     N(V) = |trial'_i / (strength + Z_i (V + k V_before))| = 1
 
+V is bracketed by 0 and by the V of zero traction, and computed by Newton steps in V or in the logarithm of the rate in
+the law, whichever fits, with bisection as a fallback.
+
 All functions are pointwise NumPy without branches on values, like friction laws. Called with arrays they compute
 (`projection.py`); traced they become C for lanes and scalars and exact derivatives with their transposes
 (`adjoint/point_map.py`). Only loops are written per language. Vectors have one entry per tangent.
@@ -26,7 +29,13 @@ from typing import Any
 import numpy as np
 
 from ruptfx.fields import Array
+from ruptfx.friction import AT_REST
 
+TOLERANCE = 1e-13  # of the trial traction
+BALANCED = 1e-9  # of the trial traction: residual accepted if V has no more significant bits
+NARROW = 1e-15  # width of a bracket over its end at which V has no more significant bits
+MAX_ITERATIONS = 100
+BISECT_EVERY = 8
 Vector = Sequence[Any]
 """An `Array` per tangent."""
 
@@ -138,6 +147,108 @@ def balance(trial: ShiftedTrial, rate: Array, strength: Array, strength_slope: A
     mean = dot(share, resistance)
     slopes = ((strength_slope + z) / q for z, q in zip(trial.impedance, resistance, strict=True))
     return Balance(mean * (norm - 1), mean * total(s * each for s, each in zip(share, slopes, strict=True)), direction)
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """An iterate of V.
+
+    Attributes
+    ----------
+    rate : V [m/s]; where the iteration has ended the root, not a number without one.
+    low, high : bracket of the root [m/s].
+    direction : unit vector of the traction, per tangent.
+    goes_on : condition, False where the iteration has ended.
+    """
+
+    rate: Any
+    low: Any
+    high: Any
+    direction: Vector
+    goes_on: Any
+
+
+def least_strength(trial: ShiftedTrial, normal_stress: Array) -> Any:
+    """Return the strength [Pa] below which it is negative beyond rounding, and would drive slip."""
+    return -TOLERANCE * (trial.size + normal_stress)
+
+
+def first_iterate(
+    trial: ShiftedTrial, trial_normal: Array, normal_stress: Array, strength_at_rest: Any, guess: Array, is_closed: Any
+) -> Iterate:
+    """Return the first iterate, of which points that are stuck or open are ended.
+
+    Parameters
+    ----------
+    trial_normal, normal_stress : trial and admissible normal stress [Pa].
+    strength_at_rest : [Pa]
+    guess : V to begin with [m/s], where it is in the bracket.
+    is_closed : condition
+    """
+    free = trial.free_rate
+    excess = trial.size - trial.mean_impedance * trial.shift_along - strength_at_rest
+    yields = is_closed & (excess > 0) & (free > 0)
+    linear = excess / trial.mean_impedance
+    start = np.where((guess > 0) & (guess < free), guess, np.where(linear < free, linear, free))
+    is_sound = np.isfinite(trial.size + trial_normal + strength_at_rest) & (
+        np.logical_not(is_closed) | (strength_at_rest >= least_strength(trial, normal_stress))
+    )
+    rate = np.where(is_sound, np.where(yields, start, np.where(is_closed, 0.0, free)), np.nan)
+    direction = trial.direction
+    if len(direction) > 1:
+        direction = [np.where(is_closed, *each) for each in zip(direction, trial.free_direction, strict=True)]
+    return Iterate(rate, np.zeros_like(free), free, direction, is_sound & yields)
+
+
+def next_iterate(
+    last: Iterate, trial: ShiftedTrial, normal_stress: Array, strength: Any, strength_slope: Any, spread: Any,
+    bisects: Any,
+) -> Iterate:  # fmt: skip
+    """Return the iterate after one with known strength; points that have ended do not change.
+
+    Parameters
+    ----------
+    strength, strength_slope : strength at the last V [Pa], and its derivative [Pa s/m].
+    spread : change of V over that of the logarithm of the slip rate at the traction [m/s].
+    bisects : condition, whether the bracket is divided.
+    """
+    at, rate, active = balance(trial, last.rate, strength, strength_slope), last.rate, last.goes_on
+    is_number, size = np.logical_not(np.isnan(at.residual)), np.abs(at.residual)
+    low, high = np.where(at.residual > 0, rate, last.low), np.where(at.residual > 0, last.high, rate)
+    rests = (high <= AT_REST) & is_number  # with the trial traction
+    # A strength with a jump, or a negative one, has no root where the bracket ends.
+    ends = (high - low <= NARROW * high) & (size <= BALANCED * trial.size)
+    done = (size <= TOLERANCE * trial.size) | ends | rests
+    following = next_rate(rate, low, high, at.residual, at.slope, trial.mean_impedance, spread, bisects)
+    # A strength that is not a number must not be mistaken for a converged one.
+    following = np.where(is_number, following, np.nan)
+    root = np.where(rests, 0.0, np.where(strength < least_strength(trial, normal_stress), np.nan, rate))
+    direction = last.direction
+    if len(direction) > 1:
+        direction = [np.where(active, *each) for each in zip(at.direction, direction, strict=True)]
+    return Iterate(
+        rate=np.where(active, np.where(done, root, following), rate),
+        low=np.where(active, low, last.low),
+        high=np.where(active, high, last.high),
+        direction=direction,
+        goes_on=active & np.logical_not(done) & is_number,
+    )
+
+
+def next_rate(
+    rate: Any, low: Any, high: Any, residual: Any, slope: Any, impedance: Any, spread: Any, bisects: Any
+) -> Any:
+    """Return the next V: a Newton step in V where the impedance dominates, in the logarithm of the rate elsewhere.
+
+    Bisection (in the logarithm if the bracket spans decades) if the step leaves the bracket, and occasionally, because
+    the two kinds of Newton steps may cycle. Parameters as for `Balance` and `next_iterate`.
+    """
+    logarithmic = rate + spread * np.expm1(residual / (slope * spread))
+    step = np.where(slope > 2 * impedance, logarithmic, rate + residual / slope)
+    least = 1e-12 * high
+    geometric = np.sqrt(np.where(low > least, low, least) * high)
+    middle = np.where(low > 1e-3 * high, 0.5 * (low + high), geometric)
+    return np.where((step > low) & (step < high) & np.logical_not(bisects), step, middle)
 
 
 @dataclass(frozen=True)

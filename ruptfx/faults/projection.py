@@ -1,24 +1,13 @@
-"""Trial traction -> admissible traction and slip rate: one scalar solve, shared by every law and contact method.
+"""Friction laws as a step sees them, and the step of contact points in arrays.
 
-    normal:  sigma = max(trial_n, 0); the rest opens the gap
-    shear:   find V >= 0 with T + Z V = trial, T parallel to the slip rate at its own time and |T| = strength there
-
-V is the mean slip rate of one step; the strength depends on slip rate, state and normal stress at the time of the
-traction (`TracedLaw`, to second order). The root is bracketed by V = 0 and by the V of zero traction, and computed
-by Newton steps in V or in the logarithm of the rate in the law, whichever fits, with bisection as a fallback.
-The same algorithm exists twice, for arrays here and in C for steps (`points.c`, `implicit/response.c`); both evaluate
-the traced law.
-
-With two tangents the slip rate may rotate, and each may have its own impedance. The contribution of the previous step
-is added to the trial, trial' = trial + k Z V_before, so that (strength + Z_i (V + k V_before)) d_i = trial'_i for the
-unit vector d along the traction: N(V) = |trial'_i / (strength + Z_i (V + k V_before))| = 1 is the scalar equation.
-Where k is negative and the trial hardly larger than this contribution, the direction is that of the trial alone.
+`TracedLaw` is the strength of a law at the time of the traction. `project` brings trial tractions to admissible ones
+with the formulas of `point_step.py`; time steps do the same in C (`points.c`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -26,13 +15,10 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table
 from ruptfx.codegen.tracing import Expression, constant, derivative, record, symbol, to_numpy
-from ruptfx.friction import AT_REST, FrictionLaw
+from ruptfx.faults import point_step
+from ruptfx.friction import FrictionLaw
 from ruptfx.schema import Part
 
-TOLERANCE = 1e-13  # of the trial traction
-BALANCED = 1e-9  # of the trial traction: residual accepted if V has no more significant bits
-MAX_ITERATIONS = 100
-BISECT_EVERY = 8
 OVERFLOW = 1e50  # Pa
 FOR_EVER = 1e9  # steps, after which the state is that of steady sliding
 
@@ -201,22 +187,20 @@ class TracedLaw:
 
     def __call__(
         self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
-        points: Any = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
+        *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
         extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
         bond: np.ndarray | float = 0.0,
     ) -> Evaluated:  # fmt: skip
-        """Evaluate at some points.
+        """Evaluate at all points.
 
         Parameters
         ----------
-        slip_rate, normal_stress : ndarray, shape (k,)
+        slip_rate, normal_stress : ndarray, shape (n,)
             V [m/s] and the normal stress at the traction [Pa].
         state : dict of ndarray, shape (n,)
             State at the previous traction; default of its `normal_stress` is the current one.
         dt : float
             Time since then [s].
-        points : index
-            Index of the points; parameters, state and the arguments below are given for all n points.
         before, speed_before : ndarray, shape (n,)
             Mean slip rate of the previous step [m/s]: along V, and its magnitude.
         extrapolation : float
@@ -227,15 +211,12 @@ class TracedLaw:
             Strength in addition to friction [Pa].
         """
 
-        def pick(value: Any) -> Any:
-            return value[points] if isinstance(value, np.ndarray) and value.ndim else value
-
-        stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
-        given = (slip_rate, pick(before), pick(speed_before), normal_stress, stress_before, dt,
-                 extrapolation, pick(radiation), pick(bond), *map(pick, self.parameters.values()))  # fmt: skip
+        stress_before = state.get("normal_stress", normal_stress)
+        given = (slip_rate, before, speed_before, normal_stress, stress_before, dt, extrapolation, radiation, bond,
+                 *self.parameters.values())  # fmt: skip
         begin, finish = self._functions
         with np.errstate(all="ignore"):
-            found = finish(*given, *begin(*given, *(pick(state[name]) for name in self.state_names)))
+            found = finish(*given, *begin(*given, *(state[name] for name in self.state_names)))
         shape = np.shape(slip_rate)
         named = {k: np.broadcast_to(v, shape) for k, v in zip({**self.outputs, **self.slopes}, found, strict=True)}
         new = {name: named.pop(f"n_{name}") for name in self.state_names}
@@ -382,135 +363,57 @@ def project(
     """
     sigma = np.maximum(trial_normal, 0.0) if cohesive is None else cohesive.normal_stress(trial_normal)
     together = sigma > 0 if cohesive is None else (sigma > 0) | cohesive.intact
-    shape = trial_shear.shape
-    z = np.broadcast_to(impedance if np.ndim(impedance) == 2 else np.asarray(impedance)[..., None], shape)
-    before = np.zeros(shape) if before is None else before
-    # If the trial traction opposes the previous slip rate, the point stops first.
-    kept = before * (np.sum(before * trial_shear, axis=1) > 0)[:, None]
-    k = law.carried(extrapolation)
-    large = 2 * np.linalg.norm(k * z * kept, axis=1) > np.linalg.norm(trial_shear, axis=1)
-    turning = k * np.where(large[:, None] & (k < 0), 0.0, kept)
-    shifted = trial_shear + z * turning
-    size = np.linalg.norm(shifted, axis=1)
-    direction = _unit(shifted, size)
-    along, carried = np.sum(kept * direction, axis=1), np.sum(turning * direction, axis=1)
-    known: Table = {
-        "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
-        "radiation": radiation,
-        "bond": 0.0 if cohesive is None else cohesive.shear,
-    }  # fmt: skip
     pressure = sigma if cohesive is None else np.maximum(sigma, 0.0)
-    rate, direction = _solve(law, state, pressure, together, shifted, z, carried, dt, guess, known)
-    bad = ~np.isfinite(rate)
-    if np.any(bad):
-        i = int(np.flatnonzero(bad)[0])
-        values = {"trial_shear_traction": size[i], "trial_normal_stress": trial_normal[i], "Z": z[i].max()}
+    shape = trial_shear.shape
+    z = list(np.broadcast_to(impedance if np.ndim(impedance) == 2 else np.asarray(impedance)[..., None], shape).T)
+    shear, rates_before = list(trial_shear.T), list(np.zeros(shape).T if before is None else before.T)
+    with np.errstate(all="ignore"):
+        trial = point_step.shifted_trial(shear, z, rates_before, law.carried(extrapolation))
+        known: Table = {
+            "before": trial.rate_before, "speed_before": point_step.length(rates_before),
+            "extrapolation": extrapolation, "radiation": radiation, "bond": 0.0 if cohesive is None else cohesive.shear,
+        }  # fmt: skip
+        root = solved(
+            trial, trial_normal, sigma, together, lambda rate: law(rate, pressure, state, dt, **known), guess
+        )
+    bad = np.flatnonzero(~np.isfinite(root.rate))
+    if len(bad):
+        i = int(bad[0])
+        largest = max(each[i] for each in z)
+        values = {"trial_shear_traction": trial.size[i], "trial_normal_stress": trial_normal[i], "Z": largest}
         listed = values | {name: state[name][i] for name in law.state_names}
-        raise explain(law.law, i, where, listed, least_strength(law, {"": size, **state}, i, values))
-    found = law(rate, pressure, state, dt, **known)
-    stuck = ((rate == 0) & together)[:, None]
-    mean = np.where(stuck, 0.0, (rate + carried)[:, None] * direction - turning)
-    now = np.where(stuck, 0.5 * before * (not law.at_end), found.rate_now[:, None] * direction)
+        raise explain(law.law, i, where, listed, least_strength(law, {"": trial.size, **state}, i, values))
+    at_root = law(root.rate, pressure, state, dt, **known)
+    result = point_step.sliding(
+        trial, shear, rates_before, root.rate, at_root.rate_now, root.direction,
+        is_open=~together, is_stuck=(root.rate == 0) & together, at_end=law.at_end,
+    )  # fmt: skip
     return Projected(
         normal_stress=sigma,
-        shear_traction=np.where(together[:, None], trial_shear - z * mean, 0.0),
-        mean_slip_rate=mean,
-        slip_rate=now,
-        state={name: np.array(value) for name, value in found.state.items()},
+        shear_traction=np.stack(result.shear_traction, axis=1),
+        mean_slip_rate=np.stack(result.mean_slip_rate, axis=1),
+        slip_rate=np.stack(result.slip_rate, axis=1),
+        state={name: np.array(value) for name, value in at_root.state.items()},
     )
 
 
-def _unit(vector: np.ndarray, size: np.ndarray) -> np.ndarray:
-    return vector / np.where(size > 0, size, 1.0)[:, None]
+def solved(
+    trial: point_step.ShiftedTrial, trial_normal: np.ndarray, normal_stress: np.ndarray, is_closed: np.ndarray,
+    law: Callable[[np.ndarray], Evaluated], guess: np.ndarray | None = None,
+) -> point_step.Iterate:  # fmt: skip
+    """Return the last iterate of the slip rate V of all points, not a number without a root.
 
-
-def _solve(
-    law: TracedLaw,
-    state: Mapping[str, np.ndarray],
-    sigma: np.ndarray,
-    together: np.ndarray,
-    trial: np.ndarray,
-    z: np.ndarray,
-    carried: np.ndarray,
-    dt: float,
-    guess: np.ndarray | None,
-    known: Table,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return V of every point, NaN without a root, and the direction of the traction.
-
-    `trial` is trial', shape (n, tangents); `carried` is what of k V_before is along it, shape (n,).
+    Parameters as for `point_step.first_iterate`; the law is evaluated at V.
     """
-    size = np.linalg.norm(trial, axis=1)
-    direction = _unit(trial, size)
-    mean_z = np.sum(z * direction**2, axis=1)
-    at_rest = law(np.zeros_like(size), sigma, state, dt, **known).strength
-    least = -TOLERANCE * (size + sigma)  # smaller strengths are negative beyond rounding and would drive slip
-    sound = np.isfinite(size) & np.isfinite(at_rest) & (~together | (at_rest >= least))
-    rate = np.where(sound, 0.0, np.nan)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        loose = np.where(z > 0, trial / z, 0.0)
-    speed = np.linalg.norm(loose, axis=1)
-    free = np.where(speed > 0, speed - carried, 0.0)  # the slip rate at which no traction is left
-    open_ = (sigma <= 0) & ~together  # not where sigma is not a number
-    rate[open_], direction[open_] = free[open_], _unit(loose, speed)[open_]
-    begin = size - mean_z * carried - at_rest
-    todo = np.flatnonzero(sound & together & (begin > 0) & (free > 0))
-    low, high = np.zeros(len(todo)), free[todo]
-    v = np.minimum(begin[todo] / mean_z[todo], high)
-    if guess is not None:
-        v = np.where((guess[todo] > 0) & (guess[todo] < high), guess[todo], v)
-    for iteration in range(MAX_ITERATIONS):
-        if len(todo) == 0:
+    at_rest = law(np.zeros_like(trial.size)).strength
+    iterate = point_step.first_iterate(
+        trial, trial_normal, normal_stress, at_rest, 0.0 if guess is None else guess, is_closed
+    )
+    for iteration in range(point_step.MAX_ITERATIONS):
+        if not np.any(iterate.goes_on):
             break
-        found = law(v, sigma[todo], state, dt, todo, **known)
-        residual, slope, direction[todo] = _residual(trial[todo], z[todo], v + carried[todo], found)
-        low, high = np.where(residual > 0, v, low), np.where(residual > 0, high, v)
-        # A law with a jump or with negative strength has no root at the end of the bracket.
-        ends = (high - low <= 1e-15 * high) & (np.abs(residual) <= BALANCED * size[todo])
-        done = (np.abs(residual) <= TOLERANCE * size[todo]) | ends
-        rests = (high <= AT_REST) & np.isfinite(residual)
-        done |= rests
-        rate[todo[done]] = np.where(rests, 0.0, np.where(found.strength < least[todo], np.nan, v))[done]
-        go = ~done & np.isfinite(residual)
-        rate[todo[~done & ~go]] = np.nan
-        spread = (found.rate_now / found.rate_slope)[go]
-        todo, low, high, v = todo[go], low[go], high[go], v[go]
-        bisect = iteration % BISECT_EVERY == BISECT_EVERY - 1
-        v = _next(v, low, high, residual[go], slope[go], mean_z[todo], spread, bisect)
-    rate[todo] = np.nan
-    return rate, direction
-
-
-def _residual(
-    trial: np.ndarray, z: np.ndarray, sliding: np.ndarray, found: Evaluated
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return Q (N - 1), minus its derivative, and the direction; Q = |trial'| if the impedances are equal."""
-    strengths = found.strength[:, None] + z * sliding[:, None]
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        if trial.shape[1] == 1:
-            slope = found.slope + z[:, 0]
-            return np.abs(trial[:, 0]) - strengths[:, 0], slope, np.sign(trial)
-        ratio = trial / strengths
-        norm = np.linalg.norm(ratio, axis=1)
-        direction = ratio / norm[:, None]
-        mean = np.sum(direction**2 * strengths, axis=1)
-        slope = mean * np.sum(direction**2 * (found.slope[:, None] + z) / strengths, axis=1)
-    return mean * (norm - 1), slope, direction
-
-
-def _next(
-    v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray,
-    spread: np.ndarray, bisect: bool,
-) -> np.ndarray:  # fmt: skip
-    """Return the next iterate: Newton in V if the impedance dominates, in the log of the rate if the law does.
-
-    `spread` is dV over the change of that logarithm. Bisection (in log V if the bracket spans decades) if Newton
-    leaves the bracket, and occasionally, because the two kinds of Newton steps may cycle.
-    """
-    with np.errstate(all="ignore"):
-        linear = v + residual / slope
-        logarithmic = v + spread * np.expm1(residual / (slope * spread))
-    step = np.where(slope > 2 * z, logarithmic, linear)
-    middle = np.where(low > 1e-3 * high, 0.5 * (low + high), np.sqrt(np.maximum(low, 1e-12 * high) * high))
-    found: np.ndarray = np.where((step > low) & (step < high) & (not bisect), step, middle)
-    return found
+        at = law(iterate.rate)
+        bisects = iteration % point_step.BISECT_EVERY == point_step.BISECT_EVERY - 1
+        spread = at.rate_now / at.rate_slope
+        iterate = point_step.next_iterate(iterate, trial, normal_stress, at.strength, at.slope, spread, bisects)
+    return replace(iterate, rate=np.where(iterate.goes_on, np.nan, iterate.rate))

@@ -118,9 +118,6 @@ def test_profiles_are_evaluated_point_by_point(kind: str, wrapped: str | None) -
     strength = law.strength(rate, sigma, new)
     traced = TracedLaw(law, at_end=True)
     np.testing.assert_allclose(traced(rate, sigma, state, 1e-6, speed_before=rate).strength, strength, rtol=1e-12)
-    some = np.array([3, 1])
-    found = traced(rate[some], sigma[some], state, 1e-6, some, speed_before=rate)
-    np.testing.assert_allclose(found.strength, strength[some], rtol=1e-12)
     for i, x in enumerate(position):
         one = varying.at(np.array([x]))
         here = one.initial_state(sigma[:1], 0.3 * sigma[:1], rate[:1])
