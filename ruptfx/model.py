@@ -366,13 +366,16 @@ class Model(System):
         return np.asarray(fault.interface.split(fault.interface.rate(self.initial_velocity()))[1])
 
     def initial_velocity(self) -> np.ndarray:
-        """Return the velocity of all local degrees of freedom at the start [m/s]; driven edges start at rest."""
+        """Return the velocity of all local degrees of freedom at the start [m/s]; driven edges start at rest.
+
+        Nodes where bodies are welded have the mean of their velocities by mass. Collective.
+        """
         velocity = np.zeros((self.nodes, self.components))
         for name, given in self.case.initial_velocity.items():
             if name not in self.bodies.names:
                 raise CaseError(f"initial_velocity.{name}: no such body, {nearest(name, self.bodies.names)}")
-            chosen = self.bodies.cell_body == self.bodies.names.index(name)
-            velocity[self.space.dofmap.list[: len(chosen)][chosen]] = given
+            share = self.mass_of(self.bodies.names.index(name)) / self.mass  # 1 inside of a body
+            velocity += share.reshape(velocity.shape) * given
         velocity = velocity.ravel()
         velocity[self.loads.prescribed] = 0
         return velocity

@@ -32,7 +32,8 @@ _LABELS = {
     "component": {1: ["z"], 2: ["x", "y"], 3: ["x", "y", "z"]},
     "stress_component": {len(n): list(n) for n in (*STRESSES.values(), stress_entries("axisymmetric", 2))},
 }
-_MESH = {"points": ("point", "axis"), "cells": ("cell", "corner"), "body": ("point",), "time": ("time",)}
+_MESH = {"points": ("point", "axis"), "cells": ("cell", "corner"), "body": ("point",), "body_of_cell": ("cell",),
+         "time": ("time",)}  # fmt: skip
 _AGAIN = "if the run is still going, try again in a moment; if it was killed, run the case again"
 _OPTIONAL = {
     **dict.fromkeys(("cracks.h5", "events.h5", "edges.csv"), "[fracture]"), "forces.csv": "sliding contact",

@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from ruptfx import RuptfxError
+from ruptfx.analysis.raster import body_of_cells
 
 if TYPE_CHECKING:
     from ruptfx.record import Files
@@ -50,13 +51,13 @@ def body_stress(record: Files, time: float, body: str = "") -> tuple[float, dict
     names = [str(name) for name in np.atleast_1d(bulk.attrs.get("bodies", []))]
     if body and body not in names:
         raise RuptfxError(f"body = {body}: no such body, there are {', '.join(names)}")
-    points, owner = bulk["points"].values, bulk["body"].values
+    points, cells, owner = bulk["points"].values, bulk["cells"].values, body_of_cells(bulk)
     places = np.stack([data["x"].values, data["y"].values], axis=1)
     reach = NEAR * float(np.ptp(places, axis=0).max())
     row = int(np.abs(bulk["time"].values - time).argmin())
     stress = bulk["stress"].isel(time=row).values
     for name in [body] if body else names:
-        nodes = np.flatnonzero(owner == names.index(name))
+        nodes = np.unique(cells[owner == names.index(name)])
         distance, nearest = scipy.spatial.cKDTree(points[nodes]).query(places)
         there = distance <= reach
         if there.any() or body:

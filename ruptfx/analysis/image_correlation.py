@@ -26,7 +26,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.raster import Raster
+from ruptfx.analysis.raster import Raster, body_of_cells
 
 if TYPE_CHECKING:
     import xarray
@@ -227,10 +227,10 @@ def pixel_displacements(record: Record, moved: Array, pixel: float) -> tuple[Arr
 def _of_bodies(record: Record, moved: Array, pixels: int) -> Iterator[list[Array]]:
     """Yield both components on the pixels of each body: interpolation must not cross interfaces, where they jump."""
     bulk = record.bulk
-    points, cells, body = bulk["points"].values, bulk["cells"].values, bulk["body"].values
+    points, cells, body = bulk["points"].values, bulk["cells"].values, body_of_cells(bulk)
     corners = (points.min(axis=0), points.max(axis=0))
-    for number in np.unique(body[cells[:, 0]]):
-        raster = Raster(points, cells[body[cells[:, 0]] == number], pixels, corners)
+    for number in np.unique(body):
+        raster = Raster(points, cells[body == number], pixels, corners)
         yield [raster(part) for part in moved.T]
 
 

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from ruptfx.record import Data
 
 Array = np.ndarray
 Points = Array | tuple[Array, Array]  # x and y
 
 PIXELS = 1000  # along the longer side
+
+
+def body_of_cells(bulk: Data) -> Array:
+    """Return the index of the body of every cell; in files without it, of the last body of its points.
+
+    A point where bodies are welded belongs to the first of them.
+    """
+    if "body_of_cell" in bulk:
+        return bulk["body_of_cell"].values
+    return np.asarray(bulk["body"].values[bulk["cells"].values].max(axis=1))
 
 
 class Raster:

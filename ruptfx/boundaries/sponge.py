@@ -21,7 +21,7 @@ FLAT = 1e-6  # of the extent of the body: largest distance of an edge from a pla
 
 
 class Sponge(Absorbing):
-    """A layer inside of a body that damps waves, with the dashpots of `absorbing` on its edge.
+    """A layer inside of the bodies of an edge that damps waves, with the dashpots of `absorbing` on the edge.
 
     The force per volume is -rho D v, with D = (c / width) (2.1 s - 0.7 s^2 + 6.1 s^3 + 5.7 s^4) at the depth s in the
     layer over its width. c is c_p for the component along the normal of the edge, c_s for the others, and a mean of
@@ -42,14 +42,18 @@ class Sponge(Absorbing):
     """Width of the layer: two wavelengths of the P waves of the lowest frequency to be absorbed."""
 
     def act_on(self, edge: Edge, key: str) -> Action:
-        model, body = edge.model, int(parallel.largest(edge.model.comm, edge.bodies.max(initial=-1)))
-        material, own = model.materials[body], model.layout.body == body
-        normal, distance = self._distance(edge, own, key)
-        impedance = material.impedance(normal, model.plane)
-        layer = np.clip(1 - distance / self.width, 0.0, 1.0) * own
+        model = edge.model
+        bodies = np.unique(parallel.share_rows(model.comm, edge.bodies))
+        normal, distance = self._distance(edge, model.layout.touches[bodies].any(axis=0), key)
+        layer = np.clip(1 - distance / self.width, 0.0, 1.0)
         shape = np.sum([factor * layer**power for power, factor in enumerate(RATE, start=1)], axis=0)
-        rate = shape[:, None] * np.diag(impedance) / (material.density * self.width)
-        return Action(dashpot=edge.dashpot(oblique=True) + model.mass * rate.ravel())
+        dashpot = edge.dashpot(oblique=True)
+        for body in bodies.tolist():
+            material = model.materials[body]
+            impedance = np.diag(material.impedance(normal, model.plane))
+            rate = shape[:, None] * impedance / (material.density * self.width)
+            dashpot += model.mass_of(body) * rate.ravel()
+        return Action(dashpot=dashpot)
 
     def _distance(self, edge: Edge, own: np.ndarray, key: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the unit normal of the edge, and the distance of every local node from it [m]; collective.
@@ -58,7 +62,7 @@ class Sponge(Absorbing):
         ----------
         edge : Edge
         own : ndarray of bool, shape (nodes,)
-            Nodes of the body.
+            Nodes of the bodies that the edge belongs to.
         key : str
             Of the case, for messages.
 
@@ -80,7 +84,7 @@ class Sponge(Absorbing):
             )
         if self.width > deep * (1 + FLAT):
             raise CaseError(
-                f"{key}.width = {self.width:.6g} m: '{self.edge}' has {deep:.6g} m of its body behind it; make the "
+                f"{key}.width = {self.width:.6g} m: '{self.edge}' has {deep:.6g} m of its bodies behind it; make the "
                 "layer narrower, or the body larger"
             )
         return normal, distance

@@ -17,6 +17,7 @@ import numpy as np
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.ground_motion import speeds_of
+from ruptfx.analysis.raster import body_of_cells
 from ruptfx.analysis.surface import grid, is_surface
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ def _interface_cells(data: xarray.Dataset) -> tuple[np.ndarray, int]:
 def _mesh(bulk: xarray.Dataset) -> tuple[np.ndarray, np.ndarray, tuple[int, int], np.ndarray]:
     """Return points in three dimensions [m], cells, their kind, and the body of each."""
     points, cells = bulk["points"].values, bulk["cells"].values.astype(np.int64)
-    return _three(points), cells, (points.shape[1], cells.shape[1]), bulk["body"].values[cells[:, 0]]
+    return _three(points), cells, (points.shape[1], cells.shape[1]), body_of_cells(bulk)
 
 
 def _snapshots(bulk: xarray.Dataset) -> Iterator[tuple[float, Snapshot]]:

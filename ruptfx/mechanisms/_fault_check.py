@@ -283,9 +283,10 @@ def _expected_slip_rate(model: System, fault: Fault) -> float:
     """
     face = fault.interface
     impedance = np.array([m.density * m.wave_speeds(model.case.plane).c_s for m in model.materials])
-    mobility = 1 / impedance[model.layout.body[face.plus]]
+    of_nodes = np.where(model.layout.touches, 1 / impedance[:, None], 0.0).max(axis=0)
+    mobility = of_nodes[face.plus]
     if face.other_side == "meshed":
-        mobility = mobility + 1 / impedance[model.layout.body[face.minus]]
+        mobility = mobility + of_nodes[face.minus]
     elif face.other_side != "rigid":
         mobility = 2 * mobility
     normal, law, fast = fault.normal_stress_0, fault.friction, np.ones(len(face.plus))

@@ -16,7 +16,6 @@ from ruptfx.space.closest import closest
 
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
-    from ruptfx.faults.interface import Interface
     from ruptfx.mechanisms._system import System
 
 # Soft gels to diamond; aerogels to osmium; gels to diamond; smallest pressure on a laboratory sample.
@@ -99,23 +98,25 @@ def _stress(model: System, fault: Fault) -> Iterator[Doubt]:
 
 def _echoes(model: System) -> Iterator[Doubt]:
     """Warn of reflecting edges away from the interfaces, with the arrival time of reflections."""
-    absorbing = [b for b in model.case.boundaries if isinstance(b, Absorbing | IncidentWave)]
-    open_edges = {boundary.edge for boundary in absorbing}
+    layout, boundaries = model.layout, model.case.boundaries
+    silent = {boundary.edge for boundary in boundaries if isinstance(boundary, Absorbing | IncidentWave)}
+    silent.update(edge for boundary in boundaries for edge in boundary.tied_edges or ())
     faces = [fault.interface for fault in model.faults if len(fault.interface.points)]
     if not faces:
         return
     extent = float(np.max(np.ptp(model.coordinates, axis=0)))
     explained = ""
     for name in model.bodies.edges:
-        nodes = model.loads.edge(name, "boundaries").nodes
-        if name in open_edges or not len(nodes):
+        edge = model.loads.edge(name, "boundaries")
+        if name in silent or not len(edge.nodes):
             continue
-        body = model.layout.body[nodes[0]]
-        near = [face.points for face in faces if body in _bodies(model, face)]
-        x = model.coordinates[nodes]
+        group = layout.welded[edge.bodies[0]]
+        near = [face.points for face in faces if group in layout.welded[layout.body[face.nodes]]]
+        x = model.coordinates[edge.nodes]
         points = near or [face.points for face in faces]
         distance = min(float(closest(x, own)[0].min()) for own in points)
-        arrival = 2 * distance / float(model.materials[body].wave_speeds(model.case.plane).c_p)
+        speeds = [model.materials[body].wave_speeds(model.case.plane).c_p for body in np.unique(edge.bodies)]
+        arrival = 2 * distance / float(max(speeds))
         if distance > 1e-6 * extent and arrival < model.case.duration:
             yield Doubt(
                 f"{name}: echo", arrival, "s", f"the same as {explained}" if explained else
@@ -124,9 +125,3 @@ def _echoes(model: System) -> Iterator[Doubt]:
                 likely_meant=True,
             )  # fmt: skip
             explained = explained or name
-
-
-def _bodies(model: System, face: Interface) -> np.ndarray:
-    """Return the indices of the bodies on both sides of an interface."""
-    sides = [face.plus, face.minus] if face.other_side == "meshed" else [face.plus]
-    return np.unique(model.layout.body[np.concatenate(sides)])

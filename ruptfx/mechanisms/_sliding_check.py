@@ -9,6 +9,7 @@ import numpy as np
 
 from ruptfx.analysis import rough_contact
 from ruptfx.mechanisms._check_table import Row
+from ruptfx.sliding.roughness import welded_nodes
 from ruptfx.spectrum import springs_of, stable_time_step
 
 if TYPE_CHECKING:
@@ -92,12 +93,12 @@ def _driven_slip(model: System, face: SlidingInterface, along: np.ndarray, time:
     for side, sign in ((face.geometry.plus, 1.0), (face.geometry.minus, -1.0)):
         if not len(side.nodes):  # a rigid base
             continue
-        body = model.layout.body[side.nodes[0]]
+        own = welded_nodes(model, side)
         ways = np.zeros(2)
         for motion in loads.motions:
             way = np.broadcast_to(motion.displacement(time), motion.dofs.shape)
             for axis in (0, 1):
-                there = (model.layout.body[motion.dofs // 2] == body) & (motion.dofs % 2 == axis)
+                there = own[motion.dofs // 2] & (motion.dofs % 2 == axis)
                 mean = float(way[there].mean()) if there.any() else 0.0
                 ways[axis] = mean if abs(mean) > abs(ways[axis]) else ways[axis]
         slip += sign * float(ways @ along)

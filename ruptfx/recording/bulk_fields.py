@@ -57,8 +57,8 @@ _GRID = Template("""\
       <Geometry GeometryType="$geometry">
         <DataItem Dimensions="$points $dim" NumberType="Float" Precision="8" Format="HDF">bulk.h5:/points</DataItem>
       </Geometry>
-      <Attribute Name="body" AttributeType="Scalar" Center="Node">
-        <DataItem Dimensions="$points" NumberType="Int" Format="HDF">bulk.h5:/body</DataItem>
+      <Attribute Name="body" AttributeType="Scalar" Center="Cell">
+        <DataItem Dimensions="$cells" NumberType="Int" Format="HDF">bulk.h5:/body_of_cell</DataItem>
       </Attribute>
 $attributes
     </Grid>
@@ -73,12 +73,16 @@ _ATTRIBUTE = Template("""\
 
 
 class Topology(NamedTuple):
-    """Mesh as in files, the rows of this rank: points [m], cells by number of their points, body of each point."""
+    """Mesh as in files, the rows of this rank: points [m], cells by number of their points, body of points and cells.
+
+    Points where bodies are welded have the first of these.
+    """
 
     points: np.ndarray
     cells: np.ndarray
     number_of_cells: int
     body: np.ndarray
+    body_of_cell: np.ndarray
 
 
 class BulkFields:
@@ -109,15 +113,18 @@ class BulkFields:
         self._volume: np.ndarray | None = None
 
     def topology(self) -> Topology:
-        """Return points, cells and body of every point, in an order independent of the partition; collective."""
+        """Return points, cells and their bodies, in an order independent of the partition; collective."""
         model, layout = self.model, self.model.layout
         cells = layout.numbering[self._linear_cells()].astype(float)
         total = int(parallel.total(model.comm, len(cells)))
         place = parallel.places(model.comm, np.sort(cells, axis=1))
+        owned = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
+        body = np.repeat(model.bodies.cell_body[:owned], len(cells) // max(owned, 1))
+        rows = RowDistribution(model.comm, place, total).collect(np.column_stack([cells, body])).astype(np.int64)
         return Topology(
-            points=layout.collect(model.coordinates.ravel()),
-            cells=RowDistribution(model.comm, place, total).collect(cells).astype(np.int64), number_of_cells=total,
+            points=layout.collect(model.coordinates.ravel()), cells=rows[:, :-1], number_of_cells=total,
             body=layout.collect(np.repeat(layout.body, model.components))[:, 0].astype(np.int32),
+            body_of_cell=rows[:, -1].astype(np.int32),
         )  # fmt: skip
 
     def _linear_cells(self) -> np.ndarray:
@@ -155,6 +162,7 @@ class BulkFields:
         file.write("points", topology.points, nodes, units="m")
         file.write("cells", topology.cells, topology.number_of_cells, units="1")
         file.write("body", topology.body, nodes, units="1")
+        file.write("body_of_cell", topology.body_of_cell, topology.number_of_cells, units="1")
         if file.whole is not None:
             file.whole.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
             file.whole.attrs["bodies"] = model.bodies.names
@@ -417,7 +425,8 @@ def recorded_states(model: Model) -> dict[str, RecordedState]:
     found: dict[str, RecordedState] = {}
     for material in model.given:
         for name, declared in material.recorded_states().items():
-            if name in {*_UNITS, "points", "cells", "body", "time"} or found.setdefault(name, declared) != declared:
+            reserved = {*_UNITS, "points", "cells", "body", "body_of_cell", "time"}
+            if name in reserved or found.setdefault(name, declared) != declared:
                 raise RuptfxError(
                     f"{material.kind()}.recorded_states: another field of snapshots has the name '{name}'; rename it"
                 )

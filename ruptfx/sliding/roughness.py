@@ -57,7 +57,7 @@ class Roughness:
 def roughness(
     model: Discretisation, mesh: Part, fault: Fault, loads: Sequence[tuple[float, Loads]]
 ) -> Roughness | None:
-    """Return the roughness of an interface, None if it is smooth or a body is not isotropic.
+    """Return the roughness of an interface, None if it is smooth or a side has several materials or anisotropic ones.
 
     Parameters
     ----------
@@ -82,6 +82,12 @@ def roughness(
     return Roughness(modulus, slope, wave, shortest, spacing, _pressure(model, fault, face, loads))
 
 
+def welded_nodes(model: Discretisation, side: Surface) -> np.ndarray:
+    """Return a mask of the nodes of the bodies of a surface and of all bodies that are welded to them."""
+    layout = model.layout
+    return np.asarray(np.isin(layout.welded[layout.body], layout.welded[layout.body[side.nodes]]))
+
+
 def _slope(plus: Surface, minus: Surface) -> float:
     """Return the root mean square slope of the distance of two surfaces where they overlap along the tangent."""
     along = plus.points[-1] - plus.points[0]
@@ -97,12 +103,13 @@ def _slope(plus: Surface, minus: Surface) -> float:
 
 
 def _modulus(model: Discretisation, side: Surface) -> float | None:
-    """Return E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite for a rigid side."""
+    """Return E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite for a rigid side, None for no number."""
     if not len(side.nodes):
         return float("inf")
-    material = model.materials[model.layout.body[side.nodes[0]]]
-    if material.lame(model.plane) is None:
+    first, *others = [model.materials[body] for body in np.flatnonzero(model.layout.touches[:, side.nodes].any(axis=1))]
+    if first.lame(model.plane) is None or any(material != first for material in others):
         return None
+    material = first
     speeds = material.wave_speeds(model.plane)
     return 2 * fracture.effective_modulus(material.density * speeds.c_s**2, speeds.c_p, speeds.c_s)
 
@@ -136,7 +143,7 @@ def _pressure(
     for side, sign in ((face.geometry.plus, -1.0), (face.geometry.minus, 1.0)):
         if not len(side.nodes):  # rigid
             continue
-        nodes = np.flatnonzero(model.layout.body == model.layout.body[side.nodes[0]])
+        nodes = np.flatnonzero(welded_nodes(model, side))
         if any(each.prescribed.reshape(-1, 2)[nodes, across].any() or each.supports for _, each in loads):
             continue
         pushes = [each.force(time).reshape(-1, 2)[nodes].sum(axis=0) @ area for time, each in loads]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -94,20 +94,35 @@ class Discretisation:
         if Variation.needed(self.given):
             self.variation = Variation(self.space, bodies.names, bodies.cell_body, self.given, plane)
             self.materials = self.variation.references
-        self.mass = self._mass()
+        self.mass = self._mass(range(len(bodies.names)))
         self.oblique = np.zeros(self.nodes, dtype=bool)
 
-    def _mass(self) -> np.ndarray:
-        """Return the lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
+    def _mass(self, bodies: Collection[int]) -> np.ndarray:
+        """Return the lumped mass of bodies at every local degree of freedom [kg], shape (nodes * components,)."""
         ufl = fem.ufl
         dx = self.measure()
         density: list[Any] = [material.density for material in self.materials_in_forms()]
         test = self.around(self.sum_of(ufl.TestFunction(self.space)))
-        mass = fem.assemble_summed(self.space, sum(rho * test * dx(i) for i, rho in enumerate(density)))
+        mass = fem.assemble_summed(self.space, sum(density[i] * test * dx(i) for i in bodies))
         if self.plane == "axisymmetric":
-            gained = axisymmetry.mass_on_axis(self.space, self._density_of_cells())
+            inside = np.isin(self.bodies.cell_body, list(bodies))
+            gained = axisymmetry.mass_on_axis(self.space, self._density_of_cells() * inside)
             self.layout.sum_shared(gained)
             mass += gained
+        return mass
+
+    def mass_of(self, body: int) -> np.ndarray:
+        """Return the share of a body in the lumped mass, at every local degree of freedom [kg]; collective.
+
+        It is all of the mass inside of the body, a part of it at nodes where others are welded to it, and zero
+        elsewhere.
+        """
+        own = self.layout.touches[body]
+        welds = own & (self.layout.touches.sum(axis=0) > 1)
+        mass = np.where(np.repeat(own, self.components), self.mass, 0.0)
+        if parallel.anywhere(self.comm, bool(welds.any())):
+            at = np.repeat(welds, self.components)
+            mass[at] = self._mass([body])[at]
         return mass
 
     def materials_in_forms(self) -> list[Material]:

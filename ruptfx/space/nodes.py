@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ruptfx import RuptfxError, fem
 from ruptfx.platform import distributed_rows, parallel
@@ -152,16 +153,27 @@ class Nodes:
             vector[:] = x.array
 
     @cached_property
-    def body(self) -> np.ndarray:
-        """Index of the body of every local node, the first one for welded bodies; collective."""
+    def touches(self) -> np.ndarray:
+        """True where a local node belongs to a body, shape (bodies, nodes); several are true at a weld; collective."""
         dofs, c = self.space.dofmap.list, self.components
-        body = np.zeros(self.count, dtype=np.int64)
-        for number in reversed(range(len(self.bodies.names))):
+        touches = np.zeros((len(self.bodies.names), self.count), dtype=bool)
+        for number, row in enumerate(touches):
             here = np.zeros(self.count * c)
             here.reshape(-1, c)[dofs[self.bodies.cell_body[: len(dofs)] == number]] = 1
             self.sum_shared(here)
-            body[here[::c] > 0] = number
-        return body
+            row[:] = here[::c] > 0
+        return touches
+
+    @property
+    def body(self) -> np.ndarray:
+        """Index of the first body of every local node; nodes of welds belong to others, too (`touches`); collective."""
+        return self.touches.argmax(axis=0)
+
+    @cached_property
+    def welded(self) -> np.ndarray:
+        """Label of every body, the same for bodies that are welded, directly or through others; collective."""
+        shared = parallel.total(self.comm, (self.touches.astype(float) @ self.touches.T).ravel())
+        return np.asarray(connected_components(shared.reshape(len(self.touches), -1), directed=False)[1])
 
     @cached_property
     def numbering(self) -> np.ndarray:

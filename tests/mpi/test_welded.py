@@ -20,6 +20,7 @@ from ruptfx.faults.interface import build_interface
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.model import Model
 from ruptfx.platform import parallel
+from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.space.bodies import distribute
 from ruptfx.space.edges import Edge
 from ruptfx.space.nodes import Nodes
@@ -141,6 +142,69 @@ def test_shared_nodes_belong_to_the_first_body(shared_tmp_path: Path) -> None:
     for body in (0, 2):
         count = np.sum((model.layout.body == body)[: model.owned_nodes] & on_line[: model.owned_nodes])
         assert parallel.total(COMM, count) == 10
+
+
+LAYER = {"kind": "sponge", "edge": "top", "width": 2e-3}
+OTHER_NAMES = {"a": "1", "b": "2", "d": "3", "c": "4"}
+
+
+def dashpots(folder: Path, bodies: dict[str, str], plus: Any, minus: Any, boundary: dict[str, Any]) -> np.ndarray:
+    """Places and dashpots of all nodes, in an order that no name of a body changes."""
+    given = table(folder, bodies, {"main": "11, 21"}, plus, minus)
+    model = Model(parse_case({**given, "boundaries": [boundary]}))
+    rows = np.column_stack([model.coordinates, model.loads.dashpot.reshape(-1, 2)])[: model.owned_nodes]
+    rows = parallel.share_rows(COMM, rows)
+    return rows[np.lexsort((rows[:, 3], *np.round(rows[:, :2].T, 9)))]
+
+
+@pytest.mark.parametrize("names", [FOUR, OTHER_NAMES], ids=["in order", "other names"])
+def test_a_sponge_damps_all_bodies_of_its_edge(names: dict[str, str], shared_tmp_path: Path) -> None:
+    whole = dashpots(shared_tmp_path, TWO, "upper", "lower", LAYER)
+    parts = dashpots(shared_tmp_path, names, ["c", "d"], ["a", "b"], LAYER)
+    assert np.count_nonzero(whole[:, 3]) > np.count_nonzero(np.isclose(whole[:, 1], whole[:, 1].max()))
+    np.testing.assert_allclose(parts, whole, rtol=0, atol=1e-13 * whole[:, 3].max())
+
+
+def test_sponges_of_a_mirrored_branch(shared_tmp_path: Path) -> None:
+    """`minus` is beside the branch at negative angles, `plus` at positive ones; both are welded along y = 0."""
+    sums = []
+    for angle, body in ((-35.0, "minus"), (35.0, "plus")):
+        given = table(shared_tmp_path, TWO, {"main": "11, 21"}, "upper", "lower")
+        fault = given["faults"].pop("main") | {"initial_stress": {"normal": 6e6}}
+        given |= {"boundaries": [{"kind": "sponge", "edge": f"{body}.left", "width": 2e-3}],
+                  "faults": {"main": fault, "branch": fault},
+                  "mesh": {"kind": "branched_fault", "left": -4e-3, "right": 4e-3, "branch_length": 3e-3,
+                           "angle": angle, "element_size": 1.5e-3, "beyond": 3e-3, "growth": 1.2}}  # fmt: skip
+        model = Model(parse_case(given))
+        sums.append(parallel.total(COMM, model.loads.dashpot.reshape(-1, 2)[: model.owned_nodes].sum(axis=0)))
+    np.testing.assert_allclose(sums[0], sums[1], rtol=1e-12)
+
+
+def test_nodes_of_a_weld_have_the_mass_of_both_bodies(shared_tmp_path: Path) -> None:
+    """An initial velocity of one body has the momentum of its own mass, and masses of bodies sum to the whole."""
+    given = table(shared_tmp_path, *VARIANTS["two materials"])
+    given["materials"]["c"] = {**HOMALITE, "density": 3 * HOMALITE["density"]}
+    model = Model(parse_case({**given, "boundaries": [], "initial_velocity": {"c": [2.0, 0.0]}}))
+    shares = [model.mass_of(number) for number in range(4)]
+    np.testing.assert_allclose(np.sum(shares, axis=0), model.mass, rtol=1e-13)
+    owned, welded = slice(model.owned_nodes), model.layout.touches.sum(axis=0) > 1
+    assert parallel.total(COMM, welded[owned].sum()) == 20  # on x = 0, above and below
+    mass, velocity = model.mass.reshape(-1, 2)[owned, 0], model.initial_velocity().reshape(-1, 2)[owned, 0]
+    area = 6e-3 * 4e-3
+    assert parallel.total(COMM, mass @ velocity) == pytest.approx(2.0 * 3 * HOMALITE["density"] * area, rel=1e-12)
+    both = welded[owned] & model.layout.touches[2][owned]
+    np.testing.assert_allclose(velocity[both], 2.0 * 3 / 4, rtol=1e-11)  # Gmsh places vertices within 1e-12
+
+
+def test_files_have_the_body_of_every_cell(shared_tmp_path: Path) -> None:
+    """At order 3 a cell of the file is a ninth of an element; those at a weld have its points."""
+    model = Model(parse_case(table(shared_tmp_path, *VARIANTS["two materials"])))
+    topology = BulkFields(model).topology()
+    points, cells, body = (
+        parallel.share_rows(COMM, each) for each in (topology.points, topology.cells, topology.body_of_cell)
+    )
+    x, y = points[cells].mean(axis=1).T
+    np.testing.assert_array_equal(body, 2 * (y > 0) + (x > 0))
 
 
 def test_an_interface_may_end_inside(shared_tmp_path: Path) -> None:
