@@ -223,6 +223,33 @@ class TracedLaw:
         return Evaluated(**named, state=new)
 
 
+class StrengthAtState:
+    """Strength of a law at a known state, with its exact derivative.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+    """
+
+    def __init__(self, law: FrictionLaw) -> None:
+        names = list(law.all_state_fields())
+        values, traced = parameters_as_symbols(law, "p_")
+        rate, state = symbol("slip_rate"), {name: symbol(f"s_{name}") for name in names}
+        strength: Expression = record(traced.strength, rate, symbol("normal_stress"), state, as_=_traced)
+        inputs = ["slip_rate", "normal_stress", *values, *(f"s_{name}" for name in names)]
+        self._names, self._values = names, list(values.values())
+        self._function = to_numpy({"strength": strength, "slope": derivative(strength, rate)}, inputs)
+
+    def __call__(
+        self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the strength [Pa] and its derivative with respect to the slip rate [Pa s/m], shapes (n,)."""
+        strength, slope = self._function(
+            slip_rate, normal_stress, *self._values, *(state[name] for name in self._names)
+        )
+        return np.broadcast_to(strength, np.shape(slip_rate)), np.broadcast_to(slope, np.shape(slip_rate))
+
+
 # Arguments of a traced law besides state and parameters, by name.
 GIVEN = (
     "slip_rate", "rate_before", "speed_before", "normal_stress", "normal_stress_before", "since",
@@ -373,9 +400,12 @@ def project(
             "before": trial.rate_before, "speed_before": point_step.length(rates_before),
             "extrapolation": extrapolation, "radiation": radiation, "bond": 0.0 if cohesive is None else cohesive.shear,
         }  # fmt: skip
-        root = solved(
-            trial, trial_normal, sigma, together, lambda rate: law(rate, pressure, state, dt, **known), guess
-        )
+
+        def resistance(rate: np.ndarray) -> Resistance:
+            at = law(rate, pressure, state, dt, **known)
+            return at.strength, at.slope, at.rate_now / at.rate_slope
+
+        root = solved(trial, trial_normal, sigma, together, resistance, guess)
     bad = np.flatnonzero(~np.isfinite(root.rate))
     if len(bad):
         i = int(bad[0])
@@ -397,23 +427,26 @@ def project(
     )
 
 
+Resistance = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Strength [Pa], its derivative with respect to V [Pa s/m], and the spread of `point_step.next_iterate` [m/s]."""
+
+
 def solved(
     trial: point_step.ShiftedTrial, trial_normal: np.ndarray, normal_stress: np.ndarray, is_closed: np.ndarray,
-    law: Callable[[np.ndarray], Evaluated], guess: np.ndarray | None = None,
+    resistance: Callable[[np.ndarray], Resistance], guess: np.ndarray | None = None,
 ) -> point_step.Iterate:  # fmt: skip
     """Return the last iterate of the slip rate V of all points, not a number without a root.
 
-    Parameters as for `point_step.first_iterate`; the law is evaluated at V.
+    Parameters as for `point_step.first_iterate`; the resistance is a function of V.
     """
-    at_rest = law(np.zeros_like(trial.size)).strength
-    iterate = point_step.first_iterate(
-        trial, trial_normal, normal_stress, at_rest, 0.0 if guess is None else guess, is_closed
-    )
-    for iteration in range(point_step.MAX_ITERATIONS):
-        if not np.any(iterate.goes_on):
-            break
-        at = law(iterate.rate)
-        bisects = iteration % point_step.BISECT_EVERY == point_step.BISECT_EVERY - 1
-        spread = at.rate_now / at.rate_slope
-        iterate = point_step.next_iterate(iterate, trial, normal_stress, at.strength, at.slope, spread, bisects)
+    with np.errstate(all="ignore"):  # formulas have a value where their result is not used
+        at_rest = resistance(np.zeros_like(trial.size))[0]
+        iterate = point_step.first_iterate(
+            trial, trial_normal, normal_stress, at_rest, 0.0 if guess is None else guess, is_closed
+        )
+        for iteration in range(point_step.MAX_ITERATIONS):
+            if not np.any(iterate.goes_on):
+                break
+            bisects = iteration % point_step.BISECT_EVERY == point_step.BISECT_EVERY - 1
+            iterate = point_step.next_iterate(iterate, trial, normal_stress, *resistance(iterate.rate), bisects)
     return replace(iterate, rate=np.where(iterate.goes_on, np.nan, iterate.rate))

@@ -10,8 +10,11 @@ from scipy.integrate import RK45
 from scipy.linalg import lu_factor, lu_solve
 
 from ruptfx.contact import Way
+from ruptfx.faults import point_step
 from ruptfx.faults.points import frictional_power
+from ruptfx.faults.projection import Resistance, StrengthAtState, solved
 from ruptfx.fields import MONITORS, Moment
+from ruptfx.friction import AT_REST
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.compliance import Compliance, Jumps, norm
 from ruptfx.implicit.condensed import MAX_UNKNOWNS, fits
@@ -32,11 +35,6 @@ if TYPE_CHECKING:
 MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
 OPENS = 0.01  # part of its initial normal stress below which a fault counts as opening
 LEAST = 1e-14  # smallest step over time, close to rounding
-MAX_NEWTON = 50
-SLOWEST = -230.0  # lower bound of ln V
-FASTEST = 50.0  # upper bound of ln V without radiation
-NUDGE = 1e-6  # difference of ln V for numerical slopes
-BALANCED = 1e-9  # largest residual of a point over its shear traction
 IMMOBILE = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
 
 
@@ -96,6 +94,7 @@ class QuasiDynamicMotion(SlowMotion):
             for fault in model.faults
         }
         self._bodies = Compliance(model, self._jumps, self.equilibrium.tangent, (0.0, 0.0), stuck)
+        self._strengths = {fault.name: StrengthAtState(fault.friction) for fault in model.faults}
         self._evolutions = {fault.name: evolution_of(model, fault) for fault in model.faults}
         self._states = max(evolution.columns for evolution in self._evolutions.values())
         self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
@@ -146,7 +145,7 @@ class QuasiDynamicMotion(SlowMotion):
         A point at rest begins at the rate of `_carried_rate`.
         """
         speed = speed_of(fault, fields)
-        return np.where(speed > np.exp(SLOWEST), speed, self._carried_rate(fault, fields))
+        return np.where(speed > AT_REST, speed, self._carried_rate(fault, fields))
 
     def _carried_rate(self, fault: Fault, fields: FaultState) -> np.ndarray:
         """Return the slip rate at which the law carries the traction, at most that which radiates all of it [m/s]."""
@@ -185,8 +184,7 @@ class QuasiDynamicMotion(SlowMotion):
         dt = min(state.numbers.get("dt", self.dt), self._greatest)
         slip = self._of_all(lambda fault: fault.components(state.faults[fault.name], "slip"))
         start = np.column_stack([slip, self._of_all(lambda fault: self._variables(fault, state.faults[fault.name]))])
-        speed = self._of_all(lambda fault: self._initial_guess(fault, state.faults[fault.name]))
-        self._guess = np.log(np.maximum(speed, np.exp(SLOWEST)))
+        self._guess = self._of_all(lambda fault: self._initial_guess(fault, state.faults[fault.name]))
         while True:
             end, answer, error = self._attempt(state.time, dt, start)
             if error <= 1:
@@ -259,42 +257,47 @@ class QuasiDynamicMotion(SlowMotion):
                 whole = (y[:, shear:], traction, growth, self._guess, self._prescribed)
                 found[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
         columns = self._jumps.gather(found)
-        parts = np.cumsum([shear, self._states, slip.shape[1]])
-        rate, ageing, traction, log_rate = np.split(columns, parts, axis=1)
-        self._guess = np.where(np.isfinite(log_rate[:, 0]), log_rate[:, 0], self._guess)
+        rate, ageing, traction = np.split(columns, np.cumsum([shear, self._states]), axis=1)
+        speed = np.linalg.norm(rate, axis=1)
+        self._guess = np.where(np.isfinite(speed), speed, self._guess)
         return np.concatenate([rate, ageing], axis=1), traction, rate
 
     def _answer(
         self, fault: Fault, time: float, variables: np.ndarray, traction: np.ndarray, growth: np.ndarray,
         guess: np.ndarray, prescribed: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Return slip rate, rates of the state variables, traction and ln V of the points of one fault, in columns."""
-        law, evolution, eta = fault.friction, self._evolutions[fault.name], self.radiation[fault.name]
+        """Return slip rate, rates of the state variables and traction of the points of one fault, in columns."""
+        evolution, eta, strength = self._evolutions[fault.name], self.radiation[fault.name], self._strengths[fault.name]
         state, traction = evolution.state(variables[:, : evolution.columns]), traction.copy()
         pressure, shear = self._stresses(fault, time, traction)
         size = np.linalg.norm(shear, axis=1)
 
-        def missing(x: np.ndarray) -> np.ndarray:
-            return np.asarray(size - eta * np.exp(x) - law.strength(np.exp(x), pressure, state))
+        # Radiation is the same in all directions: one scalar equation for |tau|.
+        trial = point_step.shifted_trial([size], [eta], [np.zeros_like(size)], 1.0)
 
-        x, residual = zero_of(missing, guess, size, np.log(size / eta))
-        x = np.where((pressure > 0) & np.isfinite(size), x, np.nan)
-        wrong = np.flatnonzero(np.isnan(x) & ~prescribed)
+        def resistance(rate: np.ndarray) -> Resistance:
+            return *strength(rate, pressure, state), rate  # the law sees V itself
+
+        speed = solved(trial, pressure, pressure, pressure > 0, resistance, guess).rate
+        speed = np.where(pressure > 0, speed, np.nan)
+        wrong = np.flatnonzero(np.isnan(speed) & ~prescribed)
         if len(wrong):
-            values = {"residual": residual, "shear traction": size, "normal stress": pressure}
+            values = {
+                "shear traction": size, "normal stress": pressure, "strength at rest": resistance(0 * size)[0],
+                "strength at the slip rate that radiates all traction": resistance(trial.free_rate)[0],
+            }  # fmt: skip
             self._unbalanced = self._error(fault, time, wrong[0], values)
-        rate = np.where(x > SLOWEST, np.exp(x), 0.0 * x)[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
+        rate = speed[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
         if prescribed.any():
             # Slip follows the bodies there, and friction gives the traction.
             rate = np.where(prescribed[:, None], growth[:, self._shear], rate)
             speed = np.linalg.norm(rate, axis=1)
-            carried = np.asarray(law.strength(speed, pressure, state) + eta * speed)[:, None] * rate
+            carried = (strength(speed, pressure, state)[0] + eta * speed)[:, None] * rate
             carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
             traction[:, self._shear] = np.where(prescribed[:, None], carried, traction[:, self._shear])
-            x = np.where(prescribed, np.log(np.maximum(speed, np.exp(SLOWEST))), x)
-        changing = evolution.rates(state, np.exp(x), pressure)
-        unused = np.zeros((len(x), self._states - evolution.columns))
-        return np.column_stack([rate, changing, unused, traction, x])
+        changing = evolution.rates(state, np.maximum(speed, AT_REST), pressure)
+        unused = np.zeros((len(speed), self._states - evolution.columns))
+        return np.column_stack([rate, changing, unused, traction])
 
     @staticmethod
     def _error(fault: Fault, time: float, point: int, values: dict[str, np.ndarray]) -> ConvergenceError:
@@ -303,8 +306,8 @@ class QuasiDynamicMotion(SlowMotion):
         listed = ", ".join(f"{name} {value[point]:.6g} Pa" for name, value in values.items())
         return ConvergenceError(
             f"no slip rate solves |shear traction| = strength + eta V at point {fault.interface.number[point]} of "
-            f"fault '{fault.name}' at ({where}) m, time {time:.9g} s: {listed}; the residual may be {BALANCED:g} "
-            f"of the shear traction; check faults.{fault.name}.friction, or use stepper.kind = 'quasi_static'"
+            f"fault '{fault.name}' at ({where}) m, time {time:.9g} s: {listed}; check faults.{fault.name}.friction, or "
+            "use stepper.kind = 'quasi_static'"
         )
 
     def _stresses(self, fault: Fault, time: float, traction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -412,41 +415,6 @@ class QuasiDynamicMotion(SlowMotion):
             threshold=fault.threshold_at(time, self.model.case.output.rupture_threshold),
         )  # fmt: skip
         return new | {monitor.name: np.asarray(monitor.update(old[monitor.name], at)) for monitor in MONITORS}
-
-
-def zero_of(
-    missing: Callable[[np.ndarray], np.ndarray], guess: np.ndarray, scale: np.ndarray, highest: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the zeros of functions that decrease with x, by Newton's method, and their residuals, shapes (n,).
-
-    `SLOWEST` where functions are negative from there on; not a number where the residual exceeds `BALANCED`.
-
-    Parameters
-    ----------
-    missing : callable
-        The functions, shape (n,), of x.
-    guess : ndarray, shape (n,)
-    scale : ndarray, shape (n,)
-        Size of the terms of the functions.
-    highest : ndarray, shape (n,)
-        Upper bounds of the zeros.
-    """
-    highest = np.clip(highest, SLOWEST, FASTEST)
-    x, value, found = np.clip(guess, SLOWEST, highest), np.zeros(len(guess)), np.zeros(len(guess), dtype=bool)
-    for _ in range(MAX_NEWTON):
-        with np.errstate(all="ignore"):  # not every function has a zero
-            value = missing(x)
-            slope = (missing(x + NUDGE) - value) / NUDGE
-            newton = np.clip(x - np.clip(value / slope, -3, 3), SLOWEST, highest)
-            # Far below the zero the slope vanishes in rounding; where it vanishes above, there is no zero.
-            change = np.where(slope < 0, newton, np.where(value > 0, 0.5 * (x + highest), SLOWEST)) - x
-            change = np.where(np.isfinite(value), change, np.nan)
-            balanced = (np.abs(value) <= BALANCED * scale) | ((value < 0) & (x == SLOWEST))
-        x = x + change
-        found = balanced & (np.abs(change) < 1e-10)
-        if np.all(found | np.isnan(change)):
-            break
-    return np.where(found, x, np.nan), value
 
 
 def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:

@@ -10,7 +10,8 @@ from helpers.messages import facts
 from helpers.small_cases import friction_laws
 
 from ruptfx.check_law.examples import friction
-from ruptfx.faults.projection import ProjectionError, TracedLaw, project
+from ruptfx.faults import point_step
+from ruptfx.faults.projection import ProjectionError, Resistance, StrengthAtState, TracedLaw, project, solved
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.prakash_clifton_two import PrakashCliftonTwo
@@ -177,3 +178,30 @@ def test_ill_posed_steps_still_end() -> None:
             assert trial - 1e4 * rate == pytest.approx(strength, rel=1e-10)
         else:
             assert trial <= 0.8e6
+
+
+def test_slip_rates_of_any_strength() -> None:
+    """Zero, logarithmic with a root 65 decades below its guess, zero with a guess far below, too large, undefined."""
+    size = np.array([5.0, 1.0, 3.6e6, 1.0, 1.0])
+    trial = point_step.shifted_trial([size], [np.array([1.0, 1e-3, 5e5, 1.0, 1.0])], [np.zeros(5)], 1.0)
+
+    def resistance(v: np.ndarray) -> Resistance:
+        with np.errstate(divide="ignore"):
+            strength = np.array([0 * v[0], 1 + 1e-3 * np.log(v[1] * np.exp(150.0)), 0 * v[2], 2 + v[3], np.nan * v[4]])
+            slope = np.array([0.0, 1e-3 / v[1], 0.0, 1.0, np.nan])
+        return np.maximum(strength, 0.0), slope, v
+
+    closed = np.ones(5, dtype=bool)
+    root = solved(trial, size, size, closed, resistance, np.array([3.0, 1.0, 1e-100, 1.0, 1.0]))
+    np.testing.assert_allclose(root.rate, [5, np.exp(-150), 7.2, 0, np.nan], rtol=1e-9)
+
+
+@every_law
+def test_strength_at_a_known_state(kind: str, wrapped: str | None) -> None:
+    """That of the law itself, and its derivative by central differences of step 1e-5."""
+    law, v, sigma = friction(kind, wrapped, 0), 10 ** np.linspace(-9, 1, 20), np.full(20, 2e6)
+    state = {name: value + np.zeros(20) for name, value in law.initial_state(sigma, 0.3 * sigma, v).items()}
+    strength, slope = StrengthAtState(law)(v, sigma, state)
+    np.testing.assert_allclose(strength, law.strength(v, sigma, state) + 0 * v, rtol=1e-13)
+    after, earlier = (law.strength(v * (1 + h), sigma, state) for h in (1e-5, -1e-5))
+    np.testing.assert_allclose(slope * v, (after - earlier) / 2e-5, rtol=1e-6, atol=1e-8 * sigma[0])

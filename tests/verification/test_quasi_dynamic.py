@@ -18,7 +18,7 @@ from ruptfx.implicit import ConvergenceError
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
 from ruptfx.simulation import simulate
-from ruptfx.steppers.quasi_dynamic import SLOWEST, QuasiDynamicMotion, zero_of
+from ruptfx.steppers.quasi_dynamic import QuasiDynamicMotion
 
 pytestmark = pytest.mark.fem
 
@@ -200,21 +200,3 @@ def test_a_linear_solve_that_is_wrong_is_an_error(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(motion._bodies, "solve", lambda force: 0.999 * solve(force))
     with pytest.raises(ConvergenceError, match=facts(r"\d\S* N .* \d\S* N .*time \d\S* s")):
         motion.step(state)
-
-
-def test_zeros_of_falling_functions() -> None:
-    """One steep, one zero far below its guess, one whose slope at the guess is lost in rounding, two without a zero."""
-    def missing(x: np.ndarray) -> np.ndarray:
-        with np.errstate(invalid="ignore"):
-            falling = [5 - np.exp(x[0]), -1e-3 * (x[1] + 40), 3.6e6 - 5e5 * np.exp(x[2]), -1 - np.exp(x[3])]
-            return np.array([*falling, np.log(-np.exp(x[4]))])
-
-    guess = np.array([3.0, 0.0, SLOWEST, 0.0, 0.0])
-    found, _ = zero_of(missing, guess, np.array([5.0, 0.04, 3.6e6, 1.0, 1.0]), np.full(5, 20.0))
-    np.testing.assert_allclose(found, [np.log(5), -40, np.log(7.2), SLOWEST, np.nan], rtol=1e-9)
-
-
-def test_a_zero_is_where_the_function_is_balanced() -> None:
-    """A function that flattens out above zero: Newton's method ends there by its step alone."""
-    found, value = zero_of(lambda x: 1 + np.exp(-np.exp(x)), np.array([0.0]), np.array([1.0]), np.array([20.0]))
-    assert np.isnan(found).all() and value >= 1
