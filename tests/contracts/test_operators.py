@@ -11,6 +11,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from helpers.bent_meshes import twist
+
 from ruptfx import RuptfxError, fem, operators
 from ruptfx.materials import Material
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
@@ -63,8 +65,8 @@ class Setting(NamedTuple):
     first: Material = SOFT  # of the first material, the second one is isotropic
 
 
-# Every element, plane, geometry and both parities of the order; each distinct form costs a compilation, so not all
-# combinations.
+# Pairs of element and order, of plane and geometry, of material and variation, each once; each distinct form costs a
+# compilation, so not all combinations.
 SETTINGS = [
     Setting("quadrilateral", 1, "stress", "box"),
     Setting("quadrilateral", 1, "strain", "bent"),
@@ -73,13 +75,11 @@ SETTINGS = [
     Setting("quadrilateral", 4, "stress", "affine"),
     Setting("quadrilateral", 4, "stress", "bent"),
     Setting("quadrilateral", 3, "antiplane", "bent"),
-    Setting("quadrilateral", 5, "strain", "bent"),
     Setting("quadrilateral", 8, "antiplane", "affine"),
     Setting("quadrilateral", 3, "stress", "curved"),
     Setting("quadrilateral", 1, "axisymmetric", "box"),
     Setting("quadrilateral", 4, "axisymmetric", "affine"),
     Setting("quadrilateral", 3, "axisymmetric", "bent"),
-    Setting("quadrilateral", 2, "axisymmetric", "curved"),
     Setting("triangle", 1, "axisymmetric", "box"),
     Setting("hexahedron", 1, "solid", "bent"),
     Setting("hexahedron", 2, "solid", "box"),
@@ -89,44 +89,34 @@ SETTINGS = [
     Setting("triangle", 1, "antiplane", "bent"),
     Setting("tetrahedron", 1, "solid", "bent"),
     Setting("quadrilateral", 2, "strain", "box", True),
-    Setting("quadrilateral", 3, "stress", "affine", True),
     Setting("quadrilateral", 3, "antiplane", "box", True),
     Setting("quadrilateral", 4, "strain", "bent", True),
     Setting("quadrilateral", 2, "stress", "curved", True),
     Setting("quadrilateral", 3, "axisymmetric", "bent", True),
-    Setting("quadrilateral", 2, "axisymmetric", "curved", True),
-    Setting("hexahedron", 2, "solid", "box", True),
     Setting("hexahedron", 1, "solid", "bent", True),
     Setting("triangle", 1, "strain", "bent", True),
     Setting("quadrilateral", 4, "strain", "box", first=FIBRES),
-    Setting("quadrilateral", 4, "stress", "bent", first=FIBRES),
     Setting("quadrilateral", 3, "antiplane", "affine", first=FIBRES),
     Setting("quadrilateral", 3, "axisymmetric", "affine", first=FIBRES),
-    Setting("hexahedron", 2, "solid", "bent", first=FIBRES),
-    Setting("triangle", 1, "stress", "bent", first=FIBRES),
     Setting("quadrilateral", 2, "stress", "box", first=CRYSTAL),
     Setting("quadrilateral", 5, "strain", "affine", first=CRYSTAL),
     Setting("quadrilateral", 1, "strain", "bent", first=CRYSTAL),
     Setting("quadrilateral", 2, "strain", "curved", first=CRYSTAL),
-    Setting("quadrilateral", 3, "antiplane", "box", first=CRYSTAL),
     Setting("quadrilateral", 2, "antiplane", "bent", first=CRYSTAL),
-    Setting("quadrilateral", 1, "axisymmetric", "box", first=CRYSTAL),
     Setting("quadrilateral", 3, "axisymmetric", "bent", first=CRYSTAL),
     Setting("quadrilateral", 2, "axisymmetric", "curved", first=CRYSTAL),
-    Setting("hexahedron", 2, "solid", "box", first=CRYSTAL),
     Setting("hexahedron", 2, "solid", "affine", first=CRYSTAL),
-    Setting("hexahedron", 3, "solid", "bent", first=CRYSTAL),
     Setting("triangle", 1, "strain", "bent", first=CRYSTAL),
     Setting("triangle", 1, "antiplane", "bent", first=CRYSTAL),
     Setting("tetrahedron", 1, "solid", "bent", first=CRYSTAL),
     Setting("quadrilateral", 2, "strain", "box", True, FIBRES),
-    Setting("quadrilateral", 3, "axisymmetric", "bent", True, FIBRES),
     Setting("quadrilateral", 2, "antiplane", "affine", True, CRYSTAL),
-    Setting("hexahedron", 2, "solid", "affine", True, FIBRES),
     Setting("hexahedron", 1, "solid", "bent", True, CRYSTAL),
     Setting("triangle", 1, "stress", "bent", True, FIBRES),
 ]
-STRAIGHT = [setting for setting in SETTINGS if setting.shape != "curved" and not setting.varies]  # of uniform bodies
+# Uniform bodies whose volume is that of their quadrature: that of order 1 is not exact in twisted hexahedra.
+STRAIGHT = [setting for setting in SETTINGS if setting.shape != "curved" and not setting.varies
+            and (setting.cell, setting.order, setting.shape) != ("hexahedron", 1, "bent")]  # fmt: skip
 
 
 def make_mesh(cell: str, shape: str) -> Any:
@@ -143,7 +133,7 @@ def make_mesh(cell: str, shape: str) -> Any:
     if shape == "affine":
         x[:, 0] += 0.3 * x[:, 1] - 0.2 * x[:, 2]
     if shape == "bent":
-        x[:, 0], x[:, 1] = x[:, 0] + 0.1 * np.sin(5 * x[:, 1] + 3 * x[:, 0]), x[:, 1] + 0.1 * np.sin(4 * x[:, 0])
+        twist(x, mesh.geometry.dim)
     return mesh
 
 
@@ -250,35 +240,13 @@ def test_agrees_with_the_form(kind: str, setting: Setting) -> None:
     assert np.abs(found - expected).max(initial=0) <= 1e-12 * scale
 
 
-@fast
-@pytest.mark.parametrize("setting", SETTINGS, ids=name)
-def test_symmetric(kind: str, setting: Setting) -> None:
-    bulk, operator = make_bulk(setting), make_operator(kind, setting)
-    a, b = random_fields(bulk, 2)
-    left, right = b @ internal_force(operator, a), a @ internal_force(operator, b)
-    assert left == pytest.approx(right, rel=1e-11, abs=1e-11 * np.abs(a).sum())
-
-
-@every
-@pytest.mark.parametrize("setting", SETTINGS, ids=name)
-def test_rigid_motion_gives_no_force(kind: str, setting: Setting) -> None:
-    bulk, operator = make_bulk(setting), make_operator(kind, setting)
-    x = bulk.space.tabulate_dof_coordinates()
-    motions = [np.ones_like(x)]
-    if setting.plane == "axisymmetric":
-        motions = [np.eye(3)[[0] * len(x)]]
-    elif setting.plane != "antiplane":
-        motions.append(np.stack([-x[:, 1], x[:, 0], 0 * x[:, 0]], axis=1))
-    scale = np.abs(internal_force(operator, random_fields(bulk, 1)[0])).max(initial=0)
-    for motion in motions:
-        assert np.abs(internal_force(operator, nodal(bulk, motion))).max(initial=0) <= 1e-13 * scale
-
-
-@every
 @pytest.mark.parametrize("setting", STRAIGHT, ids=name)
-def test_energy_of_a_linear_field_is_exact(kind: str, setting: Setting) -> None:
-    """With u = A x the energy is the sum over materials of W(A) times the volume."""
-    bulk, operator = make_bulk(setting), make_operator(kind, setting)
+def test_energy_of_a_linear_field_is_exact(setting: Setting) -> None:
+    """With u = A x the energy of the form, with which all others agree, sums W(A) times the volume over materials.
+
+    W is zero for the antisymmetric part of A, a rotation.
+    """
+    bulk, operator = make_bulk(setting), make_reference(setting)
     gradient = np.array([[0.3, -0.2, 0.1], [0.5, 0.4, -0.3], [0.2, -0.1, 0.6]])
     dim = bulk.space.mesh.geometry.dim
     gradient[dim:, :], gradient[:, dim:] = 0, 0
@@ -330,8 +298,7 @@ fused = pytest.mark.parametrize("kind", [
 
 
 @fused
-@pytest.mark.parametrize("decay", [1.0, 0.9])
-@pytest.mark.parametrize("scattered", [False, True], ids=["edge held", "any held"])
+@pytest.mark.parametrize("scattered, decay", [(False, 1.0), (True, 0.9)], ids=["edge held", "any held, damped"])
 @pytest.mark.parametrize("setting", FUSED, ids=name)
 def test_fused_step_is_the_plain_step(
     kind: str, setting: Setting, scattered: bool, decay: float, monkeypatch: pytest.MonkeyPatch
