@@ -67,7 +67,7 @@ def whole_and_resumed(given: Case, folder: Path, damaged: str = "") -> tuple[Pat
             (cut / damaged).write_bytes(b"cut off")
         shutil.rmtree(cut / "checkpoints" / "final")
     comm.barrier()
-    checkpoint = Checkpoint.latest(comm, cut, given.hash)
+    checkpoint = Checkpoint.latest(comm, cut, given)
     assert checkpoint is not None and 0 < checkpoint.manifest["time"] < given.duration
     simulate(given, cut, comm, progress=False, resume=True)
     return whole, cut
