@@ -145,7 +145,7 @@ def test_they_resume_bitwise(stepper: str, shared_tmp_path: Path) -> None:
         (cut / "summary.json").unlink()
         (cut / "instruments.h5").write_bytes(b"cut off")
     COMM.barrier()
-    assert Checkpoint.latest(COMM, cut, given.hash) is not None
+    assert Checkpoint.latest(COMM, cut, given) is not None
     simulate(given, cut, COMM, progress=False, resume=True)
     if COMM.rank == 0:
         with Record(whole) as one, Record(cut) as other:

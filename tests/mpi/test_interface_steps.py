@@ -126,7 +126,7 @@ def test_run_that_was_stopped_goes_on_to_the_same_bits(tmp_path: Path, monkeypat
             patch.setattr(simulation.Signals, "anywhere", lambda *_, s=steps: "a test" if next(s) == 7 else "")
             with pytest.raises(Interrupted):
                 simulate(given, tmp_path / f"{name}_stopped", MPI.COMM_SELF, progress=False)
-        left = Checkpoint.latest(MPI.COMM_SELF, tmp_path / f"{name}_stopped", given.hash)
+        left = Checkpoint.latest(MPI.COMM_SELF, tmp_path / f"{name}_stopped", given)
         assert left is not None and left.manifest["step"] == 7 and len(left.manifest["points"]["main"]) == 8
         simulate(given, tmp_path / f"{name}_stopped", MPI.COMM_SELF, progress=False, resume=True)
         assert max(largest_difference(tmp_path / name, tmp_path / f"{name}_stopped").values()) == 0

@@ -78,7 +78,7 @@ def breaks_alike(one: Path, two: Path) -> None:
 
 def half_broken(case_file: Path, out: Path) -> None:
     """The last checkpoint has points that are damaged and have not failed."""
-    found = Checkpoint.latest(fem.MPI.COMM_WORLD, out, read_case(case_file).hash)
+    found = Checkpoint.latest(fem.MPI.COMM_WORLD, out, read_case(case_file))
     assert found is not None
     with Record(out) as record:
         damage = record.interface["damage"].values[record.interface["time"].values <= found.manifest["time"]]
