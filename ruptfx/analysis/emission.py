@@ -6,7 +6,6 @@ estimate has a standard error.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 import scipy
 
 from ruptfx import RuptfxError
-from ruptfx.input.number_files import named_columns, number
+from ruptfx.input.number_files import read_table
 
 Array = np.ndarray
 T = TypeVar("T")
@@ -83,26 +82,19 @@ def read_catalogue(path: str | Path) -> Catalogue:
     RuptfxError
         The file cannot be read, a column is missing, or an entry is no number.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RuptfxError(f"cannot read the catalogue {path}: {error}") from None
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    table = list(csv.reader((line for _, line in lines), skipinitialspace=True))
-    names = [name.strip() for name in table[0]] if table else []
     units = {"time": "s", "x": "m", "y": "m", "energy": "J", "magnitude": "1"}
     try:
-        columns = named_columns(names, units, path, lines[0][0] if lines else 0)
+        table = read_table(Path(path), is_named=True)
+        columns = table.named(units)
         size = next((name for name in ("energy", "magnitude") if name in columns), "magnitude")
         wanted = ("time", "x", "y", size)
         if missing := [name for name in wanted if name not in columns]:
+            names = ", ".join(table.headers[-1][1]) if table.headers else "none"
             raise ValueError(
                 f"{path}: no column {', '.join(missing)}; a catalogue has the columns time (s), x, y (m) and "
-                f"magnitude or energy (J), and this file has {', '.join(names) or 'none'}"
+                f"magnitude or energy (J), and this file has {names}"
             )
-        chosen = [columns[name] for name in wanted]
-        rows = [[number(row[place] if place < len(row) else None, path, line, scale) for place, scale in chosen]
-                for row, (line, _) in zip(table[1:], lines[1:], strict=True)]  # fmt: skip
+        rows = zip(*(table.column(*columns[name]) for name in wanted), strict=True)
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     time, x, y, last = np.array(sorted(rows), dtype=float).reshape(-1, len(wanted)).T

@@ -29,14 +29,14 @@ class Misfit:
     Attributes
     ----------
     misfit : float
-        rms(c - m) / rms(m) at the samples of m.
+        rms(c - m) / rms(m) at the samples of m; NaN of one among several measured signals that is zero.
     shift : float
         s of the smallest rms(m(t) - a c(t - s)) over all a > 0 [s]: positive if the measured signal comes later. A
         wrong calibration does not change it.
     shifted : float
         Misfit after that shift, with a = 1.
     ratio : float
-        a at that shift.
+        a at that shift; below zero, at shift 0, where both are of opposite sign at every shift.
     limited : bool
         True if s is at the end of the searched range.
     """
@@ -77,7 +77,8 @@ def channel_label(name: str, attributes: Mapping[str, object]) -> str:
 
 def compare_with_file(
     record: Files, path: str | Path, instrument: str | None = None, channel: str | None = None,
-    most_shift: float | None = None,
+    most_shift: float | None = None, time_shift: float = 0.0,
+    more: Callable[[str], Mapping[str, tuple[np.ndarray, str]]] = lambda instrument: {},
 ) -> dict[str, Pair]:
     """Compare measured signals with those of an instrument.
 
@@ -85,14 +86,19 @@ def compare_with_file(
     ----------
     record : Record or Files
     path : path
-        CSV file: times in the first column, then columns whose header names a channel. A strain gauge may be named by
-        its angle (``45 deg``). In a file of two columns the header is free if the channel is clear.
+        Text file with a column of times, which is called time or t or is the first one, and columns whose header names
+        a channel. A strain gauge may be named by its angle (``45 deg``). In a file of two columns the header is free if
+        the channel is clear.
     instrument : str, optional
         Name of the instrument; needed if there are several.
     channel : str, optional
         The only channel to compare.
     most_shift : float, optional
         Largest time shift that is tried [s]; default is a quarter of the common duration.
+    time_shift : float
+        Time of the run minus that of the file [s]: the time stamp of its beginning with a minus sign.
+    more : callable
+        Returns values at the times of an instrument, and their units, by further names that the header may have.
 
     Returns
     -------
@@ -116,29 +122,35 @@ def compare_with_file(
     if "point" in data.sizes:
         raise RuptfxError(f"--instrument {name}: is a grid of receivers; add a receiver where the signal was measured")
     labels = {str(key): channel_label(str(key), data[key].attrs) for key in data if key != "time"}
-    if channel is not None and channel not in labels:
-        raise RuptfxError(f"--channel {channel}: {name} has {', '.join(labels)}")
+    further = more(name)
+    if channel is not None and channel not in (*labels, *further):
+        raise RuptfxError(f"--channel {channel}: {name} has {', '.join((*labels, *further))}")
+    computed = {key: np.asarray(data[key].values) for key in labels}
+    computed |= {key: values for key, (values, _) in further.items()}
     units = {key: str(data[key].attrs.get("units", "1")) for key in labels}
-    wanted = {key: (_aliases(name, key, labels[key]), units[key]) for key in labels if channel in (None, key)}
+    units |= {key: unit for key, (_, unit) in further.items()}
+    wanted = {key: (_aliases(name, key, labels.get(key, key)), units[key]) for key in units if channel in (None, key)}
     path = Path(path)
     try:
-        times, columns = named_histories(path, wanted, next(iter(wanted)) if len(wanted) == 1 else None)
+        only = next(iter(wanted)) if len(wanted) == 1 or len(labels) == 1 else None
+        times, columns = named_histories(path, wanted, only)
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     if not columns:
         first = next(iter(wanted))
+        example = f"{_header(first, labels.get(first, first))} ({units[first]})"
         raise RuptfxError(
             f"{path}: no column is named like a channel of {name}: {', '.join(map(_header, labels, labels.values()))}; "
-            f"rename one in its header, such as 'time (us), {_header(first, labels[first])} ({units[first]})', or give "
-            "--channel and a file of two columns"
+            f"rename one in its header, such as 'time (us), {example}', or give --channel and a file of two columns"
         )
-    computed_time = np.asarray(data["time"].values)
+    computed_time, times = np.asarray(data["time"].values), times + time_shift
     pairs = {}
-    for key in labels:
-        if key in columns:
-            computed = np.asarray(data[key].values)
-            result = misfit(computed_time, computed, times, columns[key], most_shift, f"{path} and {name}")
-            pairs[key] = Pair(labels[key], units[key], times, columns[key], computed_time, computed, result)
+    for key in [key for key in wanted if key in columns]:
+        if columns[key].any() or len(columns) == 1:
+            result = misfit(computed_time, computed[key], times, columns[key], most_shift, f"{path} and {name}")
+        else:
+            result = Misfit(np.nan, 0.0, np.nan, np.nan, False)
+        pairs[key] = Pair(labels.get(key, key), units[key], times, columns[key], computed_time, computed[key], result)
     return pairs
 
 
@@ -174,7 +186,8 @@ def misfit(
         raise RuptfxError(
             f"{what} have no two samples at common times: {measured_time[0]:.4g} to {measured_time[-1]:.4g} s "
             f"were measured, {computed_time[0]:.4g} to {computed_time[-1]:.4g} s computed; is the unit of time in the "
-            "header?"
+            "header? Are these times of a clock? Then subtract its time at the beginning of the run: --time-shift "
+            f"'{computed_time[0] - measured_time[0]:.12g} s' if that is the first one"
         )
     least = inside.sum() / 2
     if not measured[inside].any():

@@ -52,7 +52,8 @@ class Moved(EdgeMotion):
     def _from_file(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         given = values if isinstance(values, Mapping) else {}
         wanted = "m" if given.get("quantity") == "displacement" else "m/s"
-        moved = handler(with_file_read(values, info, "times", "time", ("s", wanted)))
+        called = str(given.get("quantity"))
+        moved = handler(with_file_read(values, info, "times", "time", ("s", wanted), called))
         if isinstance(given.get("file"), str):
             moved._read_from = given["file"]
         return moved

@@ -18,19 +18,27 @@ if TYPE_CHECKING:
 MOST = 8  # panels of a figure
 
 
-def show(run: Path, file: Path, instrument: str | None, channel: str | None, most: float | None, out: Path) -> None:
+def show(
+    run: Path, file: Path, instrument: str | None, channel: str | None, most: float | None, shift: float, out: Path
+) -> None:
     """Print misfits and time shifts of measured signals, and save a figure with both."""
     from ruptfx.analysis.measured import compare_with_file
+    from ruptfx.convert.scec_files import channels
     from ruptfx.record import Files
 
     with Files(run) as record:
-        pairs = compare_with_file(record, file, instrument, channel, most)
+        pairs = compare_with_file(record, file, instrument, channel, most, shift, lambda name: channels(record, name))
     table = Table("channel", "misfit", "best time shift", "misfit then", "measured/computed", box=None, pad_edge=False)
     for pair in pairs.values():
         found = pair.result
         table.add_row(pair.label, _percent(found.misfit), with_prefix(found.shift, "s") if found.shift else "0",
                       _percent(found.shifted), f"{found.ratio:.3g}")  # fmt: skip
     screen.print(table)
+    if opposite := [pair.label for pair in pairs.values() if pair.result.ratio < 0]:
+        screen.print(
+            f"{', '.join(opposite)}: of opposite sign at every time shift tried, and not shifted; the file may define "
+            "the sign in another way.", soft_wrap=True,
+        )  # fmt: skip
     if any(pair.result.limited for pair in pairs.values()):
         screen.print("A shift is the largest one tried: the best may lie beyond; try --most-shift.", soft_wrap=True)
     screen.print(

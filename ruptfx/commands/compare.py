@@ -42,6 +42,10 @@ def compare(
         typer.Option(metavar="<time>",
                      help="Largest time shift to try, as '5 us', or a number in s; default a quarter of the record."),
     ] = None,
+    time_shift: Annotated[
+        str | None,
+        typer.Option(metavar="<time>", help="Time of the run minus that of the measured signals, as '-1234.5 s'."),
+    ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Also numbers that agree.")] = False,
 ) -> None:
     """Compare a run with another one, or with measured signals: differences, numbers, and one figure.
@@ -60,10 +64,12 @@ def compare(
             most = seconds("--most-shift", most_shift)
             if most is not None and not most > 0:
                 raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
-            show(first, second, instrument, channel, most, out)
+            show(first, second, instrument, channel, most, seconds("--time-shift", time_shift) or 0.0, out)
             return
-        if instrument or channel or most_shift:
-            raise RuptfxError(f"{second}: no file; --instrument, --channel and --most-shift are for measured signals")
+        if instrument or channel or most_shift or time_shift:
+            raise RuptfxError(
+                f"{second}: no file; --instrument, --channel, --most-shift and --time-shift are for measured signals"
+            )
         from ruptfx.platform.progress import working
         from ruptfx.record import Record
 

@@ -22,7 +22,7 @@ from ruptfx import RuptfxError, Table, __version__
 from ruptfx.analysis.surface import is_surface
 
 if TYPE_CHECKING:
-    from ruptfx.record import Data, Record
+    from ruptfx.record import Data, Files, Record
 
 Array = np.ndarray
 
@@ -179,6 +179,15 @@ def _on_fault(
 ) -> Path:
     """Write what a receiver on a fault recorded."""
     _, along, down = view.place(np.array(table["point"], dtype=float))
+    columns = _fault_columns(data, view)
+    fault = table.get("fault", "main")
+    name = _file_name(table, {f"{'fault' if fault == 'main' else fault}st": along, "dp": down}, written)
+    place = f"on fault, {along / 1e3:.7g} km along strike, {down / 1e3:.7g} km down-dip"
+    return _series(record, folder / name, place, columns, data)
+
+
+def _fault_columns(data: Data, view: View) -> dict[Column, Array]:
+    """Return what a receiver on a fault recorded, as its viewer sees it."""
     slip, rate, shear = (
         view.turn @ np.stack([data[f"{field}_{tangent}"].values for tangent in (1, 2)])
         for field in ("slip", "slip_rate", "shear_traction")
@@ -186,35 +195,71 @@ def _on_fault(
     state = next((name for name in STATES if name in data), None)
     pressure = data["normal_stress"].values / 1e6
     values = [slip[0], rate[0], shear[0] / 1e6, slip[1], rate[1], shear[1] / 1e6, pressure if state else -pressure]
-    columns = [*OF_FAULT, PRESSURE if state else TENSION]
+    columns = dict(zip((*OF_FAULT, PRESSURE if state else TENSION), values, strict=True))
     if state:
-        values.append(np.log10(data[state].values) if state == "theta" else data[state].values)
-        columns.append(STATES[state])
-    fault = table.get("fault", "main")
-    name = _file_name(table, {f"{'fault' if fault == 'main' else fault}st": along, "dp": down}, written)
-    place = f"on fault, {along / 1e3:.7g} km along strike, {down / 1e3:.7g} km down-dip"
-    return _series(record, folder / name, place, columns, data, values)
+        columns[STATES[state]] = np.log10(data[state].values) if state == "theta" else data[state].values
+    return columns
 
 
 def _in_body(
     record: Record, table: Table, data: Data, view: View, folder: Path, written: Collection[str] = ()
 ) -> Path:
     """Write what a receiver in the bodies recorded."""
+    columns = _body_columns(table, data, view)
+    point = np.array(table["point"], dtype=float)
+    off, along, _ = view.place(point)
+    depth = 0.0 - point[2]
+    name = _file_name(table, {"body": off, "st": along, "dp": depth}, written)
+    place = f"{off / 1e3:.7g} km off fault, {along / 1e3:.7g} km along strike, {depth / 1e3:.7g} km depth"
+    return _series(record, folder / name, place, columns, data)
+
+
+def _body_columns(table: Table, data: Data, view: View) -> dict[Column, Array]:
+    """Return what a receiver in the bodies recorded, as the viewer of a fault sees it.
+
+    Raises
+    ------
+    RuptfxError
+        It does not record velocity and displacement.
+    """
     for field in ("velocity", "displacement"):
         if f"{field}_x" not in data:
             raise RuptfxError(
                 f"export --format scec: instrument {table['name']} does not record its {field}; run again with "
                 "fields = ['velocity', 'displacement'] in its table"
             )
-    point = np.array(table["point"], dtype=float)
-    off, along, _ = view.place(point)
     directions = (view.strike, np.array([0.0, 0.0, -1.0]), view.away)
     motions = [np.stack([data[f"{field}_{axis}"].values for axis in "xyz"]) for field in ("displacement", "velocity")]
     values = [direction @ motion for direction in directions for motion in motions]
-    depth = 0.0 - point[2]
-    name = _file_name(table, {"body": off, "st": along, "dp": depth}, written)
-    place = f"{off / 1e3:.7g} km off fault, {along / 1e3:.7g} km along strike, {depth / 1e3:.7g} km depth"
-    return _series(record, folder / name, place, OF_BODY, data, values)
+    return dict(zip(OF_BODY, values, strict=True))
+
+
+def channels(record: Files, instrument: str) -> dict[str, tuple[Array, str]]:
+    """Return what a receiver recorded by the names of the fields in these files, with units.
+
+    Empty for other instruments, and where there is no plane surface.
+
+    Raises
+    ------
+    RuptfxError
+        The interface of the receiver is no plane surface.
+    """
+    table: Table = next((each for each in record.case.get("instruments", []) if each["name"] == instrument), {})
+    fault = table.get("fault", "main") if table.get("kind") == "fault_receiver" else next(iter(record.interfaces), "")
+    if table.get("kind") not in ("receiver", "fault_receiver") or fault not in record.interfaces:
+        return {}
+    surface, data = record.interfaces[fault], record.instruments[instrument]
+    if not is_surface(surface):
+        return {}
+    view = View.of(surface, fault)
+    of_fault = table["kind"] == "fault_receiver"
+    columns = _fault_columns(data, view) if of_fault else _body_columns(table, data, view)
+    return {column.field: (values, _unit(column.text)) for column, values in columns.items()}
+
+
+def _unit(text: str) -> str:
+    """Return the unit in the description of a column."""
+    return text.partition("(")[2].partition(")")[0]
 
 
 def _file_name(table: Table, positions: Mapping[str, SupportsFloat], written: Collection[str] = ()) -> str:
@@ -229,15 +274,12 @@ def _file_name(table: Table, positions: Mapping[str, SupportsFloat], written: Co
     return f"{table['name']}.txt" if off_grid or name in written else name
 
 
-def _series(
-    record: Record, path: Path, place: str, columns: tuple[Column, ...] | list[Column], data: Data,
-    values: list[Array],
-) -> Path:  # fmt: skip
+def _series(record: Record, path: Path, place: str, columns: Mapping[Column, Array], data: Data) -> Path:
     """Write time series of one place."""
     times = data["time"].values
     step = f"{times[1] - times[0]:.9g} s" if len(times) > 1 else "unknown"
     entries = {"time_step": step, "num_time_steps": str(len(times)), "location": place}
-    return _write(record, path, entries, (TIME, *columns), np.column_stack([times, *values]))
+    return _write(record, path, entries, (TIME, *columns), np.column_stack([times, *columns.values()]))
 
 
 def _write(record: Record, path: Path, entries: dict[str, str], columns: tuple[Column, ...], rows: Array) -> Path:

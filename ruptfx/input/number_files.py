@@ -1,14 +1,17 @@
 """Numbers from text files, in SI units; errors give the file and the line.
 
-A header may give the unit of a column: `time (us)`, `time [us]`, `t/us`, `time us`, `time_us`, or units alone in a line
-below the names. A column whose header has no unit is in SI units.
+`read_table` is the only reader. Columns are separated by semicolons, tabs, commas or blanks, cells may be quoted, and
+exponents may be those of Fortran (1.5D-3). A header may give the unit of a column: `time (us)`, `time [us]`, `t/us`,
+`time us`, `time_us`, or units alone in a line below the names. A column whose header has no unit is in SI units.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -16,15 +19,244 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationInfo
 
+from ruptfx.input.files import require_file
 from ruptfx.input.quantities import OtherKind, factor
 
 Units = tuple[str, str | None]
 
 MOST_BYTES = 100_000_000  # largest size of a file with numbers
+MOST_LINES = 1_000_000
+MOST_CHARACTERS = 100_000  # of a line
+
+NAMES_OF = {"time": ("time", "t"), "position": ("position", "x", "distance")}
+"""Names of the first column of a table of two."""
 
 _BRACKETED = re.compile(r"(.*?)[\s/]*[(\[]([^()\[\]]*)[)\]]")
+_DESCRIBED = re.compile(r"[#%\s]*column\s*#?(\d+)\s*[=:][^(\[]*([(\[][^)\]]*[)\]]).*", re.I)  # unit, in files of SCEC
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eEdD][-+]?\d+)?")
 _NAMES = ("min", "bar", "deg", "rad")  # units that are also parts of names: x_min
 _SLASHED = re.compile(r"(\S.*?)\s*/\s*(\S.*)")
+_COMMENT = ("#", "%")
+_SEPARATORS = (";", "\t", ",")
+
+
+@dataclass(frozen=True)
+class NumberTable:
+    """Cells of a text file.
+
+    Attributes
+    ----------
+    path : Path
+    lines : list of int
+        Line of each row.
+    rows : list of list of str
+        Cells, of every row as many.
+    headers : list of (int, list of str)
+        Lines above the first row with as many cells, with their numbers, the nearest last.
+    """
+
+    path: Path
+    lines: list[int]
+    rows: list[list[str]]
+    headers: list[tuple[int, list[str]]]
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.rows[0])
+
+    def column(self, place: int, scale: Fraction | int = 1) -> list[float]:
+        """Return the numbers of a column, times a factor.
+
+        Raises
+        ------
+        ValueError
+            A cell is no finite number.
+        """
+        pairs = zip(self.rows, self.lines, strict=True)
+        return [number(row[place], self.path, line, scale) for row, line in pairs]
+
+    def factors(self, units: Mapping[int, str | None]) -> dict[int, Fraction | None]:
+        """Return the factor of each column to its unit, from the nearest header with units; None without a unit.
+
+        Raises
+        ------
+        ValueError
+            A header with an unknown unit, or one of another kind.
+        """
+        for line, cells in reversed(self.headers):
+            where = f"line {line} of {self.path}, column"
+            found = {i: _name_and_factor(cells[i], unit, f"{where} {i + 1}")[1] for i, unit in units.items()}
+            if any(scale is not None for scale in found.values()):
+                return found
+        return dict.fromkeys(units)
+
+    def named(self, units: Mapping[str, str]) -> dict[str, tuple[int, Fraction | int]]:
+        """Return index and factor of each column that the nearest header names; ignore other columns.
+
+        Raises
+        ------
+        ValueError
+            A unit that is unknown, or of another kind; a name that is given twice.
+        """
+        found: dict[str, tuple[int, Fraction | int]] = {}
+        line, header = self.headers[-1] if self.headers else (0, [])
+        for column, cell in enumerate(header):
+            for name, unit in units.items():
+                where, scale = f"line {line} of {self.path}, column {column + 1}", None
+                if cell != name and re.match(rf"{name}[\s/_(\[]", cell):
+                    called, scale = _name_and_factor(cell, unit, where)
+                    if called.strip() != name or scale is None:
+                        continue
+                elif cell != name:
+                    continue
+                if name in found:
+                    raise ValueError(f"{where}: a second column {name}; rename or leave out one of them")
+                found[name] = column, scale or 1
+        return found
+
+    def called(self, names: Sequence[str], unit: str) -> list[int]:
+        """Return the columns that a header calls by one of these names, in lower case, with or without a unit."""
+        columns = range(self.width)
+        return [i for i in columns if any(_called(cells[i], names, unit) for _, cells in self.headers)]
+
+
+def read_table(path: Path, is_named: bool = False) -> NumberTable:
+    """Read the cells of a text file.
+
+    Lines above the first row of numbers and lines that begin with # or % are no rows.
+
+    Parameters
+    ----------
+    path : Path
+    is_named : bool
+        Whether the first line that is no comment is the header, and all others are rows, also those whose first cell is
+        a text.
+
+    Raises
+    ------
+    ValueError
+        It cannot be read, has no rows, or lines with more or fewer cells than others or the header.
+    """
+    above: list[tuple[int, str]] = []
+    lines: list[int] = []
+    rows: list[list[str]] = []
+    separator, has_header = None, False
+    text = text_of(path)
+    if (count := text.count("\n")) > MOST_LINES:
+        raise ValueError(f"{path}: has {count} lines, and files with numbers at most {MOST_LINES}; leave out rows")
+    for line, content in enumerate(text.splitlines(), 1):
+        if not content.strip():
+            continue
+        if len(content) > MOST_CHARACTERS:
+            raise ValueError(
+                f"line {line} of {path}: has {len(content)} characters, and lines at most {MOST_CHARACTERS}; write a "
+                "row into each line"
+            )
+        if content.lstrip().startswith(_COMMENT):
+            above += [] if rows else [(line, content)]
+            continue
+        separator = separator if rows else _separator(content)
+        words = _words(content, separator)
+        if not (rows or (has_header if is_named else _is_row(words, separator))):
+            has_header = True
+            above.append((line, content))
+            continue
+        rows.append(words)
+        lines.append(line)
+    if not rows:
+        raise ValueError(_reason(path, above))
+    return _aligned(NumberTable(path, lines, rows, []), above, separator)
+
+
+def _is_row(words: Sequence[str], separator: str | None) -> bool:
+    """Return whether cells are a row of numbers; between blanks all of them, as a sentence may begin with a number."""
+    cells = words[:1] if separator else words
+    return all(is_number(word) or _DECIMAL_COMMA.fullmatch(word) for word in cells)
+
+
+def _aligned(table: NumberTable, above: Sequence[tuple[int, str]], separator: str | None) -> NumberTable:
+    """Return the table without an empty last column, and with its headers; refuse lines with other numbers of cells.
+
+    Raises
+    ------
+    ValueError
+    """
+    path, rows = table.path, table.rows
+    if separator and len(rows[0]) > 1 and all(not row[-1] for row in rows):  # a separator at the end of each line
+        rows = [row[:-1] for row in rows]
+    width = len(rows[0])
+    hint = "are these decimal commas? Write decimal points" if separator == "," else "separate columns in one way"
+    for line, row in zip(table.lines, rows, strict=True):
+        if len(row) != width:
+            raise ValueError(
+                f"line {line} of {path}: {len(row)} cells, and {width} in line {table.lines[0]}; every line needs as "
+                f"many; {hint}"
+            )
+    headers = []
+    described = {int(found[1]): found[2] for _, content in above if (found := _DESCRIBED.fullmatch(content))}
+    for line, content in above:
+        if _DESCRIBED.fullmatch(content):
+            continue
+        cells = _header_cells(content, separator, width)
+        if len(cells) == width:
+            headers.append((line, cells))
+        elif len(cells) > 1 and line == above[-1][0] and not content.lstrip().startswith(_COMMENT):
+            raise ValueError(
+                f"line {table.lines[0]} of {path}: {width} cells under {len(cells)} names in line {line}; {hint}, or "
+                "give every column a name"
+            )
+    if described and set(described) == set(range(1, width + 1)):
+        line = next(line for line, content in reversed(above) if _DESCRIBED.fullmatch(content))
+        headers.insert(0, (line, [described[column] for column in range(1, width + 1)]))
+    return NumberTable(path, table.lines, rows, headers)
+
+
+def _header_cells(content: str, separator: str | None, width: int) -> list[str]:
+    """Return the cells of a line above the rows: as many as these have, if some separator gives so many."""
+    text = content.lstrip("#% \t").strip()
+    if width == 1:
+        return [text.rstrip(";,")]
+    ways = [_words(text, mark) for mark in dict.fromkeys((separator, *_SEPARATORS)) if mark and mark in text]
+    bracketed = re.findall(r"[^()\[\]]*[(\[][^()\[\]]*[)\]]", text)
+    ways += [] if ways else [bracketed, text.split()]
+    ways = [way[:-1] if len(way) == width + 1 and not way[-1] else way for way in ways]
+    fitting = next((way for way in ways if len(way) == width), None)
+    # Words between blanks may be a title: only units show that they are columns.
+    return fitting or (_words(text, separator) if separator else bracketed)
+
+
+def _reason(path: Path, above: Sequence[tuple[int, str]]) -> str:
+    """Return why a file has no rows: what its last line is, or that there is none."""
+    last = next((each for each in reversed(above) if not each[1].lstrip().startswith(_COMMENT)), None)
+    if last is None:
+        return f"{path}: has no line with numbers; a header and lines with numbers are needed"
+    line, content = last
+    word = _words(content, _separator(content))[0]
+    where = f"line {line} of {path}"
+    if not word:
+        return f"{where}: its first column is empty; leave out the columns before the time or position"
+    if re.fullmatch(r"[\d/.-]*[ T]?\d+:\d+.*", word):
+        return f"{where}: {word!r} is a time of day; write the time as a number of seconds"
+    return f"{where}: {word[:40]!r} is no number; lines with numbers are needed, separated by ; , tabs or blanks"
+
+
+def _separator(content: str) -> str | None:
+    """Return the mark between the columns of a line; None for blanks."""
+    if re.fullmatch(rf"\s*{_DECIMAL_COMMA.pattern}(\s+{_DECIMAL_COMMA.pattern})+\s*", content):
+        return None  # refused with its cause
+    return next((mark for mark in _SEPARATORS if mark in content.strip(" ")), None)
+
+
+def _words(line: str, separator: str | None) -> list[str]:
+    """Return the cells of a line without the blanks and quotation marks around them."""
+    if separator is None:
+        words = line.split()
+    elif '"' in line:
+        words = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    else:
+        words = line.split(separator)
+    return [word.strip().strip("\"'").strip() for word in words] or [""]
 
 
 def number(word: str | None, path: str | Path, line: int, scale: Fraction | int = 1) -> float:
@@ -34,18 +266,27 @@ def number(word: str | None, path: str | Path, line: int, scale: Fraction | int 
     ------
     ValueError
     """
+    text = _plain(word or "").strip()
     try:
-        value = float(word or "")
+        value = float(text)
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
+    if not np.isfinite(value) or "_" in text:
         point = ", with a decimal point" if "," in (word or "") else ""
         raise ValueError(
-            f"line {line} of {path}: {(word or '').strip()!r} must be a finite number{point}; correct it, or leave out "
-            "the line"
+            f"line {line} of {path}: {(word or '').strip()[:40]!r} must be a finite number{point}; correct it, or "
+            "leave out the line"
         )
-    # In exact arithmetic, so that 60 in microseconds equals 60e-6 bitwise.
-    return value if scale == 1 else float(Fraction(Decimal((word or "").strip())) * scale)
+    if scale == 1:
+        return value
+    # In exact arithmetic, so that 60 in microseconds equals 60e-6 bitwise, where numbers have no exponent of millions.
+    exact = Decimal(text)
+    return float(Fraction(exact) * scale) if abs(exact.adjusted()) < 400 else value * float(scale)
+
+
+def _plain(word: str) -> str:
+    """Return a number with an exponent of Fortran as one with that of C."""
+    return re.sub(r"(?<=[\d.])[dD](?=[-+]?\d)", "e", word) if "d" in word or "D" in word else word
 
 
 def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
@@ -108,59 +349,6 @@ def _factor_or_none(text: str, unit: str | None) -> Fraction | None:
     return None
 
 
-def factors(
-    above: Sequence[tuple[int, str]], units: Sequence[str | None], given: int, path: str | Path
-) -> list[Fraction | None]:
-    """Return the factor of each column to its unit, from the header; None without a unit.
-
-    Parameters
-    ----------
-    above : sequence of (int, str)
-        Lines above the first number, with their numbers; the last that gives units is the header.
-    units : sequence of str or None
-        Target units of the columns.
-    given : int
-        Number of columns of the data. A comment is a header only if it has as many cells as the data or `units`.
-
-    Raises
-    ------
-    ValueError
-        A header with an unknown unit, or one of another kind.
-    """
-    for line, content in reversed(above):
-        cells = _cells(content.lstrip("#").strip(), len(units))
-        comment = content.startswith("#")
-        if len(cells) < len(units) or (comment and len(cells) not in (len(units), given)):
-            continue
-        found = [_name_and_factor(cell, unit, f"line {line} of {path}, column {column}")[1]
-                 for column, (cell, unit) in enumerate(zip(cells, units, strict=False), 1)]  # fmt: skip
-        if any(scale is not None for scale in found):
-            return found
-    return [None] * len(units)
-
-
-def named_columns(
-    header: Sequence[str], units: Mapping[str, str], path: str | Path, line: int
-) -> dict[str, tuple[int, Fraction | int]]:
-    """Return index and factor of each named column of a header; ignore other columns.
-
-    Raises
-    ------
-    ValueError
-        A unit that is unknown, or of another kind.
-    """
-    found: dict[str, tuple[int, Fraction | int]] = {}
-    for column, cell in enumerate(header):
-        for name, unit in units.items():
-            if cell.strip() == name:
-                found[name] = column, 1
-            elif re.match(rf"{name}[\s/_(\[]", cell.strip()):
-                called, scale = _name_and_factor(cell, unit, f"line {line} of {path}, column {column + 1}")
-                if called.strip() == name and scale is not None:
-                    found.setdefault(name, (column, scale))
-    return found
-
-
 def _name_and_factor(cell: str, unit: str | None, where: str) -> tuple[str, Fraction | None]:
     try:
         return name_and_factor(cell, unit)
@@ -171,20 +359,10 @@ def _name_and_factor(cell: str, unit: str | None, where: str) -> tuple[str, Frac
         ) from None
 
 
-def _cells(text: str, columns: int) -> list[str]:
-    """Return the cells of a header, separated by semicolons, commas, tabs, closing brackets or else blanks."""
-    if columns == 1:
-        return [text.rstrip(";,")]
-    separator = next((mark for mark in ";,\t" if mark in text), None)
-    if separator is None and re.search(r"[(\[]", text):
-        return re.findall(r"[^()\[\]]*[(\[][^()\[\]]*[)\]]", text)
-    return text.split(separator)
-
-
 def is_number(word: str) -> bool:
     """Return whether a word is a number."""
     try:
-        float(word)
+        float(_plain(word))
     except ValueError:
         return False
     return True
@@ -206,28 +384,25 @@ def require_increasing(values: Sequence[float] | np.ndarray, lines: Sequence[int
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file named in a case.
+    """Return the text of a file in UTF-8, UTF-16 with its mark, or Latin-1.
 
     Raises
     ------
     ValueError
-        If it cannot be read, is a device or a pipe, or too large.
+        If it cannot be read, is a device or a pipe, too large, or no text.
     """
-    try:
-        if path.exists() and not path.is_file():
-            raise ValueError(f"{path}: cannot be read: it is no regular file; give a file with numbers")
-        if (size := path.stat().st_size) > MOST_BYTES:
-            raise ValueError(
-                f"{path}: has {size / 1e6:.0f} MB, and files with numbers at most {MOST_BYTES / 1e6:.0f}; leave out "
-                "columns or rows"
-            )
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    content = require_file(path, MOST_BYTES).read_bytes()
+    encodings = ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "latin-1")
+    for encoding in encodings:
+        with suppress(UnicodeDecodeError):
+            text = content.decode(encoding)
+            if "\0" not in text:
+                return text
+    raise ValueError(f"{path}: is no text in UTF-8, UTF-16 or Latin-1; save it as text in UTF-8")
 
 
 def with_units(path: Path, first: str | None = None, others: str | None = None) -> dict[str, tuple[list[float], str]]:
-    """Return all columns of a CSV file with the units of its header, by name.
+    """Return all columns of a text file with the units of its header, by name.
 
     Parameters
     ----------
@@ -241,73 +416,64 @@ def with_units(path: Path, first: str | None = None, others: str | None = None) 
         The header has no unit for a column, or an unknown one, or one of another kind; a name is given twice, or lines
         have other numbers of columns.
     """
-    lines = [(i, line) for i, line in enumerate(text_of(path).splitlines(), 1) if line.strip()]
-    start = next((i for i, (_, line) in enumerate(lines) if is_number(_words(line)[0])), None)
-    if start is None or start == 0:
-        raise ValueError(
-            f"{path}: a header with the unit of every column and lines with numbers are needed, with commas or "
-            "semicolons between the columns"
-        )
+    table = read_table(path)
+    if not table.headers:
+        raise ValueError(f"{path}: a header with the unit of every column is needed, such as time (us), slip (um)")
+    line, header = table.headers[-1]
     named: list[tuple[str, str]] = []
-    above, header = lines[start - 1]
-    for column, cell in enumerate(_words(header.lstrip("# "))):
-        where = f"line {above} of {path}, column {column + 1}"
+    for column, cell in enumerate(header):
+        where = f"line {line} of {path}, column {column + 1}"
         found = _BRACKETED.fullmatch(cell)
-        if found is None and re.fullmatch(r"[-+]?\d*,\d+([eE][-+]?\d+)?", cell):
-            raise ValueError(f"{where}, {cell!r}: is no number; write numbers with a decimal point")
         if found is None:
             raise ValueError(f"{where}, {cell!r}: has no unit; write it in brackets behind the name, as time (us)")
         _name_and_factor(cell, others if column else first, where)
         named.append((found[1].strip(), _symbol_of(found[2])))
     if len(dict(named)) < len(named):
         raise ValueError(f"{path}: two columns have the same name; rename one of them")
-    rows = [(line, [number(word, path, line) for word in _words(text)]) for line, text in lines[start:]]
-    if wrong := next((line for line, row in rows if len(row) != len(named)), None):
-        raise ValueError(f"line {wrong} of {path}: {len(named)} columns have names; every line needs as many numbers")
-    columns = zip(*(row for _, row in rows), strict=True)
-    return {name: (list(column), unit) for (name, unit), column in zip(named, columns, strict=True)}
+    return {name: (table.column(place), unit) for place, (name, unit) in enumerate(named)}
 
 
-def _words(line: str) -> list[str]:
-    return [word.strip() for word in line.split(";" if ";" in line else ",")]
+def two_columns(path: Path, first: str, units: Units, second: str | None = None) -> tuple[list[float], list[float]]:
+    """Read two columns of a text file, `first` (increasing) and values, in the given units.
 
-
-def two_columns(path: Path, first: str, units: Units) -> tuple[list[float], list[float]]:
-    """Read the first two columns of a CSV file, `first` (increasing) and values, in the given units.
-
-    Lines before the first number and lines that begin with # are skipped, except for the units of the header.
+    Parameters
+    ----------
+    path : Path
+    first : str
+        `time` or `position`. The header decides which column it is if it names one; otherwise it is the first.
+    units : (str, str or None)
+    second : str, optional
+        Name of the values in a file of more columns.
 
     Raises
     ------
     ValueError
+        Also more than two columns without one that is called `second`.
     """
-    text = text_of(path)
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    above: list[tuple[int, str]] = []
-    scales: list[Fraction | int] = []
-    for line, content in enumerate(text.splitlines(), 1):
-        words = content.split(";" if ";" in content else ",")
-        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
-            above.append((line, content))
-            continue
-        if len(words) < 2:
-            raise ValueError(f"line {line} of {path}: two columns are needed, {first} and value")
-        if not rows:
-            scales = [scale or 1 for scale in factors(above, units, len(words), path)]
-        rows.append([number(word, path, line, scale) for word, scale in zip(words, scales, strict=False)])
-        lines.append(line)
-    if len(rows) < 2:
-        raise ValueError(f"{path}: at least two lines with a {first} and a value are needed, found {len(rows)}")
-    column, values = zip(*rows, strict=True)
-    require_increasing(column, lines, path)
-    return list(column), list(values)
+    table = read_table(path)
+    if table.width < 2:
+        raise ValueError(f"line {table.lines[0]} of {path}: two columns are needed, {first} and value")
+    named = table.called(NAMES_OF[first], units[0])
+    place = named[0] if len(named) == 1 else 0
+    values = [column for column in range(table.width) if column != place]
+    if len(values) > 1:
+        named = [column for column in table.called([second], units[1] or "1") if column != place] if second else []
+        if len(named) != 1:
+            wanted = f", or call one of them {second}" if second else ""
+            raise ValueError(f"line {table.lines[0]} of {path}: {table.width} columns; keep {first} and value{wanted}")
+        values = named
+    scales = table.factors({place: units[0], values[0]: units[1]})
+    if len(table.rows) < 2:
+        raise ValueError(f"{path}: at least two lines with a {first} and a value are needed, found {len(table.rows)}")
+    column = table.column(place, scales[place] or 1)
+    require_increasing(column, table.lines, path)
+    return column, table.column(values[0], scales[values[0]] or 1)
 
 
 def named_histories(
     path: Path, wanted: Mapping[str, tuple[Sequence[str], str]], only: str | None = None
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Read times [s] from the first column of a CSV file, and the columns whose header names a wanted quantity.
+    """Read times [s] and the columns of a text file whose header names a wanted quantity.
 
     Parameters
     ----------
@@ -320,65 +486,60 @@ def named_histories(
     Returns
     -------
     times : ndarray, shape (n,)
+        Of the column that is called time or t, otherwise the first one.
     columns : dict of str to ndarray, shape (n,)
         The quantities found, in their units.
 
     Raises
     ------
     ValueError
-        Numbers that are not finite, times that do not increase, an unknown unit, or one of another kind.
+        Numbers that are not finite, times that do not increase, an unknown unit, or one of another kind, two columns of
+        one name.
     """
-    above: list[tuple[int, list[str]]] = []
-    rows: list[tuple[int, list[str]]] = []
-    for line, content in enumerate(text_of(path).splitlines(), 1):
-        words = content.lstrip("#").strip().split(";" if ";" in content else ",")
-        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
-            above.append((line, words))
-        else:
-            rows.append((line, words))
-    if len(rows) < 2 or len(rows[0][1]) < 2:
-        raise ValueError(f"{path}: at least two lines with a time and a value are needed, found {len(rows)}")
-    count = len(rows[0][1])
-    headers = [(line, cells) for line, cells in above if len(cells) == count]
-    places = {only: 1} if only is not None and count == 2 else {}
-    for _line, cells in headers:
-        for column, cell in enumerate(cells[1:], 1):
-            for name, (aliases, unit) in wanted.items():
-                if name not in places and _called(cell, aliases, unit):
-                    places[name] = column
-    times, found = _column(rows, headers, 0, "s", path), {}
-    require_increasing(times, [line for line, _ in rows], path)
-    for name, column in places.items():
-        found[name] = _column(rows, headers, column, wanted[name][1], path)
-    return times, found
+    table = read_table(path)
+    if table.width < 2 or len(table.rows) < 2:
+        raise ValueError(
+            f"{path}: at least two lines with a time and a value are needed, it has {len(table.rows)} of {table.width} "
+            "columns"
+        )
+    named = table.called(NAMES_OF["time"], "s")
+    time = named[0] if len(named) == 1 else 0
+    places = {only: 1 - time} if only is not None and table.width == 2 else {}
+    for name, (aliases, unit) in wanted.items():
+        columns = [column for column in table.called(aliases, unit) if column != time]
+        if len(columns) > 1:
+            shown = " and ".join(str(column + 1) for column in columns)
+            raise ValueError(f"{path}: columns {shown} are both called {name}; rename or leave out one of them")
+        if columns and name not in places:
+            places[name] = columns[0]
+    times = _column(table, time, "s")
+    require_increasing(times, table.lines, path)
+    return np.array(times), {name: np.array(_column(table, place, wanted[name][1])) for name, place in places.items()}
 
 
 def _called(cell: str, aliases: Sequence[str], unit: str) -> bool:
     """Return whether the header of a column has one of the names, with or without a unit."""
-    plain = cell.strip().strip("\"'").strip()
-    names = [plain]
-    if found := _BRACKETED.fullmatch(plain):
+    names = [cell]
+    if found := _BRACKETED.fullmatch(cell):
         names.append(found[1])
     else:
         with suppress(ValueError):  # a unit of another kind: the column is another quantity, or has no unit
-            names.append(name_and_factor(plain, unit)[0])
+            names.append(name_and_factor(cell, unit)[0])
     return any(name.strip().lower() in aliases for name in names)
 
 
-def _column(
-    rows: Sequence[tuple[int, list[str]]], headers: Sequence[tuple[int, list[str]]], column: int, unit: str, path: Path
-) -> np.ndarray:
+def _column(table: NumberTable, place: int, unit: str) -> list[float]:
+    """Return the numbers of a column in a unit."""
     scale: Fraction | None = None
-    for line, cells in headers:
-        where = f"line {line} of {path}, column {column + 1}"
-        scale = scale or _name_and_factor(cells[column], unit, where)[1]
-    short = next((line for line, words in rows if len(words) <= column), None)
-    if short is not None:
-        raise ValueError(f"line {short} of {path}: has fewer columns than the lines above it; add them")
-    return np.array([number(words[column], path, line) for line, words in rows]) * float(scale or 1)
+    for line, cells in reversed(table.headers):
+        where = f"line {line} of {table.path}, column {place + 1}"
+        scale = scale or _name_and_factor(cells[place], unit, where)[1]
+    return table.column(place, scale or 1)
 
 
-def with_file_read(values: object, info: ValidationInfo, key: str, first: str, units: Units) -> object:
+def with_file_read(
+    values: object, info: ValidationInfo, key: str, first: str, units: Units, second: str | None = None
+) -> object:
     """Replace `file` in the tables of a part by the two lists that it contains.
 
     Parameters
@@ -391,6 +552,8 @@ def with_file_read(values: object, info: ValidationInfo, key: str, first: str, u
         Name of the first list, and of one of its numbers.
     units : (str, str or None)
         Units of the two columns; headers may give multiples.
+    second : str, optional
+        Name of the values in a file of more than two columns.
 
     Raises
     ------
@@ -400,5 +563,6 @@ def with_file_read(values: object, info: ValidationInfo, key: str, first: str, u
         return values
     if values.get(key) or values.get("values"):
         raise ValueError(f"give either a file or {key} and values")
-    column, found = two_columns(Path((info.context or {}).get("directory") or ".", values["file"]), first, units)
+    path = Path((info.context or {}).get("directory") or ".", values["file"])
+    column, found = two_columns(path, first, units, second)
     return {**{name: value for name, value in values.items() if name != "file"}, key: column, "values": found}

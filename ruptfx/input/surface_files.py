@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +10,7 @@ import numpy as np
 from pydantic import ValidationInfo
 
 from ruptfx.input.netcdf_units import unit_and_factor
-from ruptfx.input.number_files import factors, is_number, number, text_of
+from ruptfx.input.number_files import read_table
 
 NAMES = ("strike", "dip")
 NETCDF = (".nc", ".nc4", ".h5", ".cdf", ".netcdf")
@@ -65,39 +64,17 @@ def of_csv(path: Path, unit: str | None) -> SurfaceGrid:
     ------
     ValueError
     """
-    above: list[tuple[int, str]] = []
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    scales: list[Fraction | int] = []
-    for line, content in enumerate(text_of(path).splitlines(), 1):
-        words = content.split(";" if ";" in content else ",")
-        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
-            above.append((line, content))
-            continue
-        if len(words) != 3:
-            raise ValueError(f"line {line} of {path}: {len(words)} columns; give three, strike, dip and value")
-        if not rows:
-            _require_order(above, path)
-            scales = [scale or 1 for scale in factors(above, ("m", "m", unit), 3, path)]
-        rows.append([number(word, path, line, scale) for word, scale in zip(words, scales, strict=True)])
-        lines.append(line)
-    return _gridded(np.array(rows).reshape(-1, 3), lines, path)
-
-
-def _require_order(above: list[tuple[int, str]], path: Path) -> None:
-    """Refuse a header that names the positions in another order.
-
-    Raises
-    ------
-    ValueError
-    """
-    for line, content in above:
-        cells = content.lstrip("# ").lower().split(";" if ";" in content else ",")
+    table = read_table(path)
+    if table.width != 3:
+        raise ValueError(f"line {table.lines[0]} of {path}: {table.width} columns; give three, strike, dip and value")
+    for line, cells in table.headers:
         for column, (cell, name) in enumerate(zip(cells, ("dip", "strike"), strict=False), 1):
-            if len(cells) == 3 and cell.strip().strip("\"'").startswith(name):
+            if cell.lower().startswith(name):
                 raise ValueError(
                     f"line {line} of {path}: column {column} is {name}; write strike, dip, value in this order"
                 )
+    scales = table.factors({0: "m", 1: "m", 2: unit})
+    return _gridded(np.array([table.column(i, scale or 1) for i, scale in scales.items()]).T, table.lines, path)
 
 
 def _gridded(rows: np.ndarray, lines: list[int], path: Path) -> SurfaceGrid:

@@ -178,5 +178,5 @@ def test_catalogues_from_csv(tmp_path):
     path.write_text("time,x,y,energy\n1,2,3,4\n1,2,three,4\n")
     with pytest.raises(RuptfxError, match=facts(r"line 3 of .*'three' is not a finite number")):
         read_catalogue(path)
-    with pytest.raises(RuptfxError, match="cannot read the catalogue"):
+    with pytest.raises(RuptfxError, match=facts("none.csv: cannot be read")):
         read_catalogue(tmp_path / "none.csv")

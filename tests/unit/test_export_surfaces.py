@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
+from ruptfx.analysis.measured import compare_with_file
 from ruptfx.analysis.surface import rupture_time_difference
 from ruptfx.cli import app
 from ruptfx.commands.compare import overlay_surfaces
@@ -125,6 +127,23 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     result = CliRunner().invoke(app, ["run", str(folder / "case.toml"), "--out", str(folder / "run"), "--quiet"])
     assert result.exit_code == 0, result.output
     return folder / "run"
+
+
+@pytest.mark.fem
+def test_scec_files_are_compared_with_the_run_that_wrote_them(run: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["export", str(run), "--format", "scec", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    with Record(run) as record:
+        for name, fields in (("fault", scec_files.OF_FAULT), ("far", scec_files.OF_BODY)):
+            pairs = compare_with_file(record, tmp_path / f"{name}.txt", name, more=partial(scec_files.channels, record))
+            assert {column.field for column in fields} <= set(pairs)
+            assert {pair.unit for pair in pairs.values()} == ({"m", "m/s", "MPa"} if name == "fault" else {"m", "m/s"})
+            moving = {key: pair for key, pair in pairs.items() if pair.measured.any()}
+            assert len(moving) >= 4 and all(pair.result.misfit < 1e-6 for pair in moving.values())
+    picture = tmp_path / "a.png"
+    command = ["compare", str(run), str(tmp_path / "fault.txt"), "--instrument", "fault", "--out", str(picture)]
+    result = CliRunner(env={"COLUMNS": "200"}).invoke(app, command)
+    assert result.exit_code == 0 and "h-slip-rate" in result.output and picture.is_file(), result.output
 
 
 @pytest.mark.fem

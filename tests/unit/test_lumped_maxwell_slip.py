@@ -122,7 +122,7 @@ def test_profiles_are_read_with_headers_units_and_semicolons(tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     "text, message",
-    [("a,b\n1,x\n", r"line 2 of .*p\.txt: 'x' is not a finite number"),
+    [("a,b\n" + "1,x\n" * 9, r"line 2 of .*p\.txt: 'x' is not a finite number"),
      ("1\n2 3\n", r"line 2 of .*p\.txt: 2 columns; every row must have the same one or two"),
      ("1\n2\n", r"p\.txt: 2 rows; a profile must have at least 8"),
      ("\n".join(["2 1"] * 9), r"line 2 of .* must increase")],

@@ -137,6 +137,30 @@ def test_the_figure_shows_both_signals(tmp_path: Path) -> None:
         assert shifted.get_xdata()[0] - computed.get_xdata()[0] == pytest.approx(2.0, abs=0.01)  # us
 
 
+def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    file = saved(tmp_path / "v.csv", "time (us),velocity (m/s),trigger,velocity", 1e6 * TIME, TIME, TIME, TIME)
+    with pytest.raises(RuptfxError, match=facts("v.csv: columns 2 and 4 are both called velocity")):
+        compare_with_file(recorded(), file, "V")
+
+
+def test_time_stamps_of_a_clock(tmp_path: Path) -> None:
+    """The recording began 1234.5 s before the run on its clock: the error says the shift, and with it both agree."""
+    file = tmp_path / "v.csv"
+    lines = [f"{float(1e4 * pulse(t))!r},{1234.5 + t:.9f}\n" for t in TIME]
+    file.write_text("velocity (m/s),time (s)\n" + "".join(lines))
+    with pytest.raises(RuptfxError, match=facts("--time-shift '-1234.5 s'")):
+        compare_with_file(recorded(), file, "V")
+    result = compare_with_file(recorded(), file, "V", time_shift=-1234.5)["velocity"].result
+    assert result.misfit < 1e-4 and abs(result.shift) < 1e-9 and result.ratio == pytest.approx(1, abs=1e-4)
+
+
+def test_further_channels_are_those_that_the_file_names(tmp_path: Path) -> None:
+    more = {"h-vel": (2e4 * pulse(TIME), "m/s"), "v-vel": (0 * TIME, "m/s")}
+    file = saved(tmp_path / "s.txt", "t h-vel", TIME, 2e4 * pulse(TIME))
+    pairs = compare_with_file(recorded(), file, "V", "h-vel", more=lambda name: more if name == "V" else {})
+    assert list(pairs) == ["h-vel"] and pairs["h-vel"].result.misfit < 1e-8
+
+
 @pytest.mark.fem
 def test_the_command_reads_a_run(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
@@ -148,6 +172,9 @@ def test_the_command_reads_a_run(tmp_path: Path) -> None:
     with Record(tmp_path / "run") as record:
         data = record.instruments["G1"]
         time, grid = data.time.values, data.extension_2.values
+    saved(tmp_path / "o.csv", "t (s),45 deg", time - 3, -grid)
+    result = ruptfx("compare", tmp_path / "run", tmp_path / "o.csv", "--time-shift", "3 s", "--out", tmp_path / "o.png")
+    assert result.exit_code == 0 and "-1" in result.output and "of opposite sign" in result.output, result.output
     saved(tmp_path / "m.csv", "t (us),45 deg (%)", 1e6 * time + 0.25, 50 * grid)
     result = ruptfx("compare", tmp_path / "run", tmp_path / "m.csv", "--out", tmp_path / "both.png")
     assert result.exit_code == 0 and "extension 45°" in result.output and "250 ns" in result.output, result.output

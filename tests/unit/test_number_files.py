@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import random
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,8 @@ from helpers.small_cases import merged, plates
 from ruptfx import RuptfxError
 from ruptfx.analysis.emission import read_catalogue
 from ruptfx.case import parse_case
-from ruptfx.input.number_files import two_columns, with_units
+from ruptfx.input.number_files import named_histories, two_columns, with_units
+from ruptfx.input.surface_files import of_csv
 from ruptfx.lumped.maxwell_slip.roughness import read_profile
 from ruptfx.lumped.spring_slider.fit import read_trace
 from ruptfx.profiles.table import Table
@@ -42,7 +45,6 @@ def written(path: Path, text: str) -> Path:
         ("Time,Velocity\n(us),(km/s)", 60e-6, 3e3),
         ("Time,Velocity\nus,km/s", 60e-6, 3e3),
         ("time (us), velocity (m/s)\nchannel A, channel B", 60e-6, 3.0),
-        ("time (us), velocity (m/s), quality", 60e-6, 3.0),
         ("time (us), velocity", 60e-6, 3.0),
         # Without units the numbers are in SI units, whatever the names.
         ("time, velocity", 60.0, 3.0),
@@ -99,7 +101,7 @@ def test_all_columns_with_their_units(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=facts(r"line 3 of .*v\.csv, column 3, .* in m .*\(m\)")):
         with_units(path, "s", "m")
     written(path, "time (us),slip (um)\n\n60,3\n70,4,5\n")
-    with pytest.raises(ValueError, match=facts(r"line 4 of .*v\.csv: 2 columns")):
+    with pytest.raises(ValueError, match=facts(r"line 4 of .*v\.csv: 3 cells, and 2 in line 3")):
         with_units(path)
 
 
@@ -158,6 +160,102 @@ def test_a_friction_trace(tmp_path: Path) -> None:
 def test_a_catalogue(tmp_path: Path) -> None:
     found = read_catalogue(written(tmp_path / "c.csv", "x (mm),y (mm),time (us),energy (mJ),x_error\n1,2,3,4,5\n"))
     assert (found.x[0], found.y[0], found.time[0], found.energy[0]) == (1e-3, 2e-3, 3e-6, 4e-3)
+
+
+LAYOUTS = {  # of one table
+    "commas": b"time (us), velocity (mm/s)\n60,3\n70,4\n", "tabs": b"time (us)\tvelocity (mm/s)\n60\t3\n70\t4\n",
+    "semicolons": b"time (us);velocity (mm/s)\r\n60;3\r\n70;4\r\n",
+    "blanks": b"time (us)   velocity (mm/s)\n  60.0   3.0E+00\n  70.0   4.0E+00\n",
+    "of numpy": b"# time (us), velocity (mm/s)\n6.0e+01 3.0e+00\n7.0e+01 4.0e+00\n",
+    "quoted": b'"time (us)","velocity (mm/s)"\n"60","3"\n"70","4"\n',
+    "of Fortran": b"time (us) velocity (mm/s)\n0.6D+02 3.0d0\n0.7D+02 0.4D1\n",
+    "separator at the end": b"time (us),velocity (mm/s),\n60,3,\n70,4,\n",
+    "by names": b"velocity (mm/s),time (us)\n3,60\n4,70\n",
+    "more columns": b"time (us),load (N),velocity (mm/s)\n60,1,3\n70,1,4\n",
+    "of SCEC": b"# 12 stations, two\n# Column #1 = time (us)\n# Column #2 = velocity along x (mm/s), to the right\n"
+               b"t v-x\n  60   3\n  70   4\n",
+    "of Matlab": b"% time (us), velocity (mm/s)\n60,3\n70,4\n",
+    "UTF-8 with mark": "\ufefftime (\u00b5s),velocity (mm/s)\n60,3\n70,4\n".encode(),
+    "UTF-16": "time (\u00b5s),velocity (mm/s)\n60,3\n70,4\n".encode("utf-16"),
+    "Latin-1": "time (\u00b5s),velocity (mm/s)\n60,3\n70,4\n".encode("latin-1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_layouts_of_one_table(layout: str, tmp_path: Path) -> None:
+    path = tmp_path / "v.txt"
+    path.write_bytes(LAYOUTS[layout])
+    assert two_columns(path, "time", ("s", "m/s"), "velocity") == ([60e-6, 70e-6], [3e-3, 4e-3])
+    aliases = {"velocity": (("velocity", "v-x"), "m/s")}
+    times, columns = named_histories(path, aliases)
+    assert times == pytest.approx([60e-6, 70e-6]) and columns["velocity"] == pytest.approx([3e-3, 4e-3])
+
+
+@pytest.mark.parametrize("text, error", [
+    ("position (mm),normal (MPa)\n-30,5,7,5\n10,4,6,5\n", "line 2 of .*: 4 cells under 2 names in line 1; .*decimal"),
+    ("time (s), velocity (m/s), quality\n60,3\n70,4\n", "line 2 of .*: 2 cells under 3 names in line 1"),
+    ("60,3\n70,4,5\n", "line 2 of .*: 3 cells, and 2 in line 1"),
+    ("60,3\n70\n", "line 2 of .*: 1 cells, and 2 in line 1"),
+    ("60,1,3\n70,1,4\n", "line 1 of .*: 3 columns; .*, or call one of them velocity"),
+    ("time,velocity (mm/s),velocity\n60,1,3\n70,1,4\n", "line 2 of .*: 3 columns"),
+    ("time (us);v (m/s)\n0,0;0,00\n1,0;0,00\n", "line 2 of .*: '0,0' must be .*decimal point"),
+    ("time (us) v (m/s)\n0,5 0,25\n1,5 0,25\n", "line 2 of .*: '0,5' must be .*decimal point"),
+    (",,,0.00000075,0.0\n,,,0.000001,0.0\n", "line 2 of .*: its first column is empty"),
+    ("time,v\n12:30:05.1,1\n12:30:05.2,2\n", "line 3 of .*: '12:30:05.2' is a time of day"),
+    ("\n\n# nothing\n", "v.txt: has no line with numbers"),
+    ("a title\n", "line 1 of .*: 'a' is no number"),
+    ("1_0,2\n3,4\n", "line 1 of .*: '1_0' must be a finite number"),
+    ("t\0,v\n1,2\n3,4\n", "v.txt: is no text in UTF-8, UTF-16 or Latin-1"),
+    ("1,2\n" + 100_001 * "3", "line 2 of .*: has 100001 characters, .* 100000"),
+    (1_000_001 * "1,2\n", "v.txt: has 1000001 lines, .* 1000000"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_table(text: str, error: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=facts(error)):
+        two_columns(written(tmp_path / "v.txt", text), "time", ("s", "m/s"), "velocity")
+
+
+def test_an_exponent_of_many_digits_takes_no_time(tmp_path: Path) -> None:
+    path = written(tmp_path / "v.csv", "time (us),v\n1e-999999999,0\n1,2\n")
+    assert two_columns(path, "time", ("s", "m/s")) == ([0.0, 1e-6], [0.0, 2.0])
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "two columns": lambda path: two_columns(path, "time", ("s", "m/s"), "velocity"),
+    "with units": lambda path: with_units(path, "s"),
+    "histories": lambda path: named_histories(path, {"v": (("v", "velocity"), "m/s")}, "v"),
+    "surface": lambda path: of_csv(path, "Pa"), "height profile": read_profile, "catalogue": read_catalogue,
+    "friction trace": read_trace,
+}  # fmt: skip
+PIECES = [
+    "1", "-2.5", "1e3", "3D-2", ",", ";", "\t", " ", "\n", "\r\n", '"', "'", "#", "%", "time", "velocity", "x", "y",
+    "(us)", "[m/s]", "(", ")", "/", "_", "nan", "inf", "1,5", "12:30", "strike", "energy", "friction", "drive_speed",
+    "\0", "\u00b5", "# Column #1 = t (s)", "\u2028", "\x0b", "1e-999999999", "--", "1/s", "%\n", "e",
+]  # fmt: skip
+TABLES = [
+    "time (us), velocity (m/s)\n1,2\n3,4\n", "time (s);x (m);y (m);energy (J)\n1;2;3;4\n", "0 1\n" * 8, "1\n-1\n" * 5,
+    "strike (m),dip (m),v (Pa)\n0,0,1\n1,0,2\n0,1,3\n1,1,4\n",
+    "time (s),drive_speed (um/s),friction\n" + "".join(f"{i},1,0.6\n" for i in range(20)),
+]
+
+
+def test_random_files_are_read_or_refused(tmp_path: Path) -> None:
+    """500 random files for each reader: tables with a piece too much, pieces, and bytes. Others would be tracebacks."""
+    rng, path, numbers = random.Random(7), tmp_path / "random.txt", dict.fromkeys(READERS, 0)
+    for number in range(500):
+        text = rng.choice(TABLES)
+        at = rng.randrange(len(text) + 1)
+        text = text[:at] + rng.choice(PIECES) + text[at:]
+        text = text if number % 2 else "".join(rng.choices(PIECES, k=rng.randint(1, 60)))
+        path.write_text(text, encoding="utf-16" if number % 7 == 0 else "utf-8")
+        if number % 10 == 0:
+            path.write_bytes(rng.randbytes(rng.randrange(200)))
+        for reader, read in READERS.items():
+            try:
+                read(path)
+                numbers[reader] += 1
+            except (ValueError, RuptfxError) as error:
+                assert str(path) in str(error), error
+    assert min(numbers.values()) >= 3, numbers
 
 
 @pytest.mark.parametrize("name", ["/dev/zero", "pipe"])

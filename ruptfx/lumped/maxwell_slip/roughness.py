@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.signal import fftconvolve
 
 from ruptfx import RuptfxError
-from ruptfx.input.number_files import factors, is_number, number, require_increasing, text_of
+from ruptfx.input.number_files import NumberTable, read_table, require_increasing
 from ruptfx.schema import CasePath, Part
 from ruptfx.units import Fraction as Share
 from ruptfx.units import Length, Modulus, Positive
@@ -150,51 +149,34 @@ def read_profile(path: str | Path, unit: float | None = None) -> tuple[np.ndarra
         is no length or not the one given.
     """
     try:
-        text = text_of(Path(path)).splitlines()
-    except ValueError as error:
-        raise RuptfxError(str(error)) from None
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    above: list[tuple[int, str]] = []
-    scales: list[Fraction] = []
-    try:
-        for line, content in enumerate(text, 1):
-            words = content.replace(";", " ").replace(",", " ").split()
-            if not words or words[0].startswith("#") or not (rows or is_number(words[0])):
-                above.append((line, content))
-                continue  # empty line, comment, or header
-            if len(words) > 2 or (rows and len(words) != len(rows[0])):
-                raise ValueError(
-                    f"line {line} of {path}: {len(words)} columns; every row must have the same one or two"
-                )
-            if not rows:
-                scales = _scales(above, len(words), unit, path)
-            rows.append([number(word, path, line, scale) for word, scale in zip(words, scales, strict=True)])
-            lines.append(line)
-        table = np.array(rows)
-        if len(rows) < 8:
+        table = read_table(Path(path))
+        if table.width > 2:
+            raise ValueError(f"line {table.lines[0]} of {path}: {table.width} columns; every row must have one or two")
+        if len(table.rows) < 8:
             raise ValueError(
-                f"{path}: {len(rows)} rows; a profile must have at least 8, of heights, or of positions and heights"
+                f"{path}: {len(table.rows)} rows; a profile must have at least 8, of heights, or of positions and "
+                "heights"
             )
-        if table.shape[1] == 1:
-            return None, table[:, 0]
-        require_increasing([row[0] for row in rows], lines, path)
+        *position, height = (table.column(i, scale) for i, scale in enumerate(_scales(table, unit)))
+        if position:
+            require_increasing(position[0], table.lines, path)
     except ValueError as error:
         raise RuptfxError(str(error)) from None
-    return table[:, 0], table[:, 1]
+    return np.array(position[0]) if position else None, np.array(height)
 
 
-def _scales(above: Sequence[tuple[int, str]], columns: int, unit: float | None, path: str | Path) -> list[Fraction]:
+def _scales(table: NumberTable, unit: float | None) -> list[Fraction]:
     """Return metres per unit of each column, from the header or the given unit."""
-    found = factors(above, ["m"] * columns, columns, path)
+    found = list(table.factors(dict.fromkeys(range(table.width), "m")).values())
     if unit is None:
         return [scale or Fraction(1) for scale in found]
     wrong = next((scale for scale in found if scale not in (None, Fraction(str(unit)))), None)
     if wrong is not None:
         raise ValueError(
-            f"{path}: its header gives a unit of {float(wrong):g} m, and profile_unit = {unit:g} m; remove profile_unit"
+            f"{table.path}: its header gives a unit of {float(wrong):g} m, and profile_unit = {unit:g} m; remove "
+            "profile_unit"
         )
-    return [Fraction(str(unit))] * columns
+    return [Fraction(str(unit))] * table.width
 
 
 def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff: float | None = None) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,7 +13,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from ruptfx import RuptfxError
-from ruptfx.input.number_files import named_columns, number, require_increasing
+from ruptfx.input.number_files import read_table, require_increasing
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment
 from ruptfx.lumped.spring_slider.slider import Slider, integrate
@@ -118,26 +117,14 @@ def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         Columns missing, entries that are no numbers, too few rows, times that do not increase.
     """
     try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            numbered = [(n, line) for n, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
-        raise RuptfxError(
-            f"{path}: cannot be read ({error}); give a CSV with the columns {', '.join(_COLUMNS)}"
-        ) from None
-    rows = list(csv.reader(line for _, line in numbered))
-    try:
-        columns = named_columns(rows[0] if rows else [], _COLUMNS, path, numbered[0][0] if numbered else 0)
+        found = read_table(Path(path), is_named=True)
+        columns = found.named(_COLUMNS)
         if missing := [name for name in _COLUMNS if name not in columns]:
             raise ValueError(
                 f"{path}: column {', '.join(missing)} is missing; the first line must name {', '.join(_COLUMNS)}"
             )
-        chosen = [columns[name] for name in _COLUMNS]
-        table = np.array([
-            [number(row[place] if place < len(row) else None, path, line, scale) for place, scale in chosen]
-            for row, (line, _) in zip(rows[1:], numbered[1:], strict=True)
-        ])  # fmt: skip
-        if len(table):
-            require_increasing(table[:, 0], [line for line, _ in numbered[1:]], path)
+        table = np.array([found.column(*columns[name]) for name in _COLUMNS]).T
+        require_increasing(table[:, 0], found.lines, path)
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     if len(table) < 20:
