@@ -87,7 +87,7 @@ for ratio, amplitude in zip(cycles.ratio.values, cycles.amplitude.values, strict
 
 # %%
 load = run("modulated_load", interface_length=0.4e-6)
-for eps, change, K_c in zip(load.eps.values, load.mean_change.values, load.K_c.values, strict=True):
+for eps, change, K_c in zip(load.eps.values, load.mean_change.values, load.K_c_loaded.values, strict=True):
     print(f"eps = {eps:<5g} mean friction {100 * change:7.2f} %   K_c {K_c / 1e3:6.1f} kN/m")
 
 # %% [markdown]

@@ -75,12 +75,25 @@ class LumpedModel(CaseFile, Alternative):
     def summarise(dataset: xarray.Dataset) -> Summary:
         """Return the scalars of a result, ready for JSON: the 0-d variables and attributes of the dataset."""
         scalars = {str(name): v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
-        return {**scalars, **dataset.attrs}
+        return union(scalars, dataset.attrs)
 
 
 def variable(dims: object, values: object, units: str, long_name: str) -> tuple[object, object, dict[str, str]]:
     """Return a variable of a dataset: dimensions, values, and attributes for units and name."""
     return dims, values, {"units": units, "long_name": long_name}
+
+
+def union(first: Summary, second: Summary) -> Summary:
+    """Return the entries of both tables.
+
+    Raises
+    ------
+    RuptfxError
+        A name is in both tables, so that one entry would replace the other.
+    """
+    if names := sorted(map(str, first.keys() & second.keys())):
+        raise RuptfxError(f"two results have one name: {', '.join(names)}; give each result of a model its own name")
+    return {**first, **second}
 
 
 def simulate(
@@ -130,8 +143,8 @@ def _run(model: LumpedModel, out: Path, progress: Progress) -> xarray.Dataset:
         progress(1.0, "drawing figures")
         run_files.add(out, _draw(type(model), dataset, out, ("png",)))
         summary = model.summarise(dataset)
-    summary |= {"kind": model.kind(), "case_hash": model.hash, "ruptfx": __version__, "run_time": elapsed}
-    run_files.complete(out, _plain(summary))
+    about = {"kind": model.kind(), "case_hash": model.hash, "ruptfx": __version__, "run_time": elapsed}
+    run_files.complete(out, _plain(union(summary, about)))
     return dataset
 
 
@@ -164,8 +177,11 @@ def _finite(model: LumpedModel, progress: Progress) -> xarray.Dataset:
     ------
     ArithmeticError
         A number in it is infinite.
+    RuptfxError
+        A variable and an attribute have one name.
     """
     dataset = model.run(progress)
+    union(dict(dataset.variables), dataset.attrs)
     for name, values in dataset.variables.items():
         if values.dtype.kind == "f" and np.isinf(values.values).any():
             raise ArithmeticError(f"{name} is infinite")

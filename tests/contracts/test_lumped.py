@@ -10,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 from helpers.labels import label_faults
 from helpers.messages import facts
 from matplotlib import pyplot
+from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.lumped import LumpedModel, read_result, rehearse, simulate
+from ruptfx.lumped import LumpedModel, Progress, read_result, rehearse, silent, simulate
 from ruptfx.schema import alternatives
 
 MODELS = alternatives("ruptfx.lumped")
@@ -57,6 +59,10 @@ def test_example(kind: str, tmp_path: Path) -> None:
             assert not np.isinf(values).any(), name
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["kind"] == kind and summary["case_hash"] == model.hash
+    scalars = {str(name): values.item() for name, values in data.data_vars.items() if values.ndim == 0}
+    assert {name: summary[name] for name in scalars} == {
+        name: None if value != value else value for name, value in scalars.items()
+    }
     figures = model.figures(data)
     assert {f"{name}.png" for name in figures} == {path.name for path in (tmp_path / "run" / "figures").iterdir()}
     assert figures and pyplot.get_fignums() == []
@@ -66,6 +72,27 @@ def test_example(kind: str, tmp_path: Path) -> None:
         assert sum(map(bool, labels)) >= 2
         for ax in figure.axes:
             assert ax.lines or ax.collections or ax.images or ax.patches or not ax.get_visible()
+
+
+class Twice(LumpedModel):
+    """A model whose constant has the name of its result."""
+
+    def run(self, progress: Progress = silent) -> xarray.Dataset:
+        return xarray.Dataset({self.variable: ((), 0.0)}, attrs={self.attribute: 1.0})
+
+    variable: str
+    attribute: str
+
+    @classmethod
+    def figures(cls, dataset: xarray.Dataset) -> dict[str, Figure]:
+        return {}
+
+
+@pytest.mark.parametrize("names", [("a", "a"), ("kind", "b"), ("a", "run_time")])
+def test_no_result_replaces_another_one(names: tuple[str, str], tmp_path: Path) -> None:
+    twice = names[0] if names[0] == names[1] else ({"kind", "run_time"} & {*names}).pop()
+    with pytest.raises(RuptfxError, match=facts(twice)):
+        simulate(Twice(variable=names[0], attribute=names[1]), tmp_path / "run")
 
 
 @pytest.mark.parametrize("error", [ValueError("no root"), OverflowError(), ZeroDivisionError(), MemoryError()])

@@ -18,7 +18,7 @@ from ruptfx.case import parse_case
 from ruptfx.cli import app
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import extreme, read_result, redraw, rehearse, simulate
-from ruptfx.lumped.spring_slider import PMMA, SpringSlider
+from ruptfx.lumped.spring_slider import _EXPERIMENTS, PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
@@ -120,6 +120,41 @@ def test_fit_finds_the_parameters_of_a_noisy_trace(trace: Path) -> None:
         assert float(found[f"{name}_low"]) < truth < float(found[f"{name}_high"])
         assert float(found[name]) == pytest.approx(truth, rel=0.1)
     assert float(found.misfit) == pytest.approx(1e-3, rel=0.15)
+
+
+def test_the_summary_of_a_fit_has_the_fitted_parameters(trace: Path, tmp_path: Path) -> None:
+    """The trace has a = 0.013, b = 0.026, D_c = 0.42 um: K_c = W (b - a) / D_c = 495 kN/m, K / K_c = 4.04."""
+    start = PMMA.model_copy(update={"a": 0.01, "b": 0.02, "D_c": 0.7e-6})
+    model = SpringSlider(friction=start, normal_force=W, stiffness=2e6, experiment=Fit(trace=str(trace)))
+    simulate(model, tmp_path / "run")
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    for name, truth in (("a", 0.013), ("b", 0.026), ("D_c", 0.42e-6), ("f_0", 0.36)):
+        assert summary[f"{name}_low"] < summary[name] < summary[f"{name}_high"]
+        assert summary[name] == pytest.approx(truth, rel=0.1)
+    critical = W * (summary["b"] - summary["a"]) / summary["D_c"]
+    assert summary["K_c"] == pytest.approx(critical, rel=1e-6)
+    assert summary["K_over_K_c"] == pytest.approx(2e6 / critical, rel=1e-6)
+
+
+SHORT = {
+    "velocity_steps": {"samples": 20}, "slide_hold_slide": {"holds": [1.0, 10.0], "samples": 100},
+    "modulated_speed": {"periods": [3.0], "cycles": 2, "samples": 100},
+    "modulated_load": {"amplitudes": [0.0], "samples": 20, "critical": False},
+    "stability": {"speeds": 2, "stiffnesses": 2}, "bifurcation": {"ratios": [0.9], "periods": 10, "samples": 500},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("experiment", _EXPERIMENTS, ids=lambda cls: cls.name)
+def test_results_of_an_experiment_have_names_of_their_own(experiment: Any, trace: Path, tmp_path: Path) -> None:
+    """`simulate` refuses a result and a constant of one name; K_c = W (b - a) / D_c of a rigid, slow slider."""
+    keys = {"trace": str(trace)} if experiment is Fit else SHORT[experiment.name]
+    mass = 1.6 if experiment.name == "bifurcation" else 0.0  # which ends its slips
+    model = SpringSlider(friction=PMMA, normal_force=W, stiffness=2e6, mass=mass, experiment=experiment(**keys))
+    data = simulate(model, tmp_path / "run")
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["K_c"] == pytest.approx(W * (summary["b"] - summary["a"]) / (
+        summary["D_c"] if experiment is Fit else 0.42e-6), rel=1e-3)  # fmt: skip
+    assert {*data.attrs}.isdisjoint(data.variables)
 
 
 @pytest.mark.parametrize(

@@ -111,5 +111,5 @@ class BurridgeKnopoff(LumpedModel):
             coords={
                 "magnitude": variable("magnitude", (edges[1:] + edges[:-1]) / 2, "1", "ln(moment / (strength / k))"),
             },
-            attrs={"blocks": self.blocks, "weakening": self.weakening, "seed": self.seed},
+            attrs={"chain_blocks": self.blocks, "weakening": self.weakening, "seed": self.seed},
         )

@@ -85,13 +85,16 @@ class SpringSlider(LumpedModel):
     def run(self, progress: Progress = silent) -> xarray.Dataset:
         slider = self.slider()
         dataset = self.experiment.run(slider, progress)
+        slider = self.experiment.resulting(slider, dataset)
         speed = getattr(self.experiment, "speed", float(slider.law.V_0))
         critical, omega = critical_stiffness(slider, speed)
-        dataset.attrs |= {
+        constants = {
             "K_c": critical, "K_over_K_c": self.stiffness / critical if critical else float("inf"),
             "onset_frequency": omega / (2 * np.pi), "a": float(slider.law.a), "b": float(slider.law.b),
             "normal_force": self.normal_force, "law": self.friction.kind(),
         }
+        # Bifurcations and fits have some of these, of the same slider, as variables.
+        dataset.attrs |= {name: value for name, value in constants.items() if name not in dataset}
         return dataset
 
     @staticmethod

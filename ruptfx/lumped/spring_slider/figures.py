@@ -80,7 +80,7 @@ def modulated_speed(dataset: xarray.Dataset) -> Figure:
 @styled
 def modulated_load(dataset: xarray.Dataset) -> Figure:
     """Draw mean friction, its harmonics and the critical stiffness against the load amplitude."""
-    critical = bool(np.isfinite(dataset.K_c.values).any())
+    critical = bool(np.isfinite(dataset.K_c_loaded.values).any())
     figure = blank_figure(WIDTH, 2.4)
     axes = figure.subplots(1, 2 + critical)
     fine = np.linspace(0, float(dataset.eps.max()), 100)
@@ -93,7 +93,7 @@ def modulated_load(dataset: xarray.Dataset) -> Figure:
     axes[1].set(ylabel="Harmonic of F / W", ylim=(0, None))
     axes[1].legend()
     if critical:
-        axes[2].plot(dataset.eps, dataset.K_c / float(dataset.attrs["K_c"]), "o-", color="k")
+        axes[2].plot(dataset.eps, dataset.K_c_loaded / float(dataset.attrs["K_c"]), "o-", color="k")
         axes[2].set(ylabel=r"$K_c(\epsilon)\,/\,K_c(0)$", ylim=(0, 1.05))
     letter(axes)
     for ax in axes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
@@ -83,14 +84,14 @@ class Fit(Experiment):
         coords = {"time": variable("time", time, "s", "time")}
         return xarray.Dataset(fields, coords, {"experiment": self.name, "confidence": self.confidence})
 
+    def resulting(self, slider: Slider, dataset: xarray.Dataset) -> Slider:
+        return replace(slider, law=slider.law.model_copy(update={name: float(dataset[name]) for name in _FITTED}))
+
 
 def modelled(slider: Slider, parameters: np.ndarray, time: np.ndarray, drive: np.ndarray) -> np.ndarray:
     """Return the friction coefficient at the times, from steady sliding at first; `parameters` as in `Fit`."""
     values = dict(zip(_FITTED, (float(v) for v in (*np.exp(parameters[:3]), parameters[3])), strict=True))
-    trial = Slider(
-        slider.law.model_copy(update=values), slider.normal_force, slider.stiffness, slider.mass,
-        slider.interface_length,
-    )
+    trial = replace(slider, law=slider.law.model_copy(update=values))
     # Speed i applies from time i to time i + 1.
     starts = [0, *(np.flatnonzero(np.diff(drive[:-1])) + 1), len(time) - 1]
     y, friction = trial.steady(drive[0]), np.empty(len(time))

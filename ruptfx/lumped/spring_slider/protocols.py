@@ -27,6 +27,10 @@ class Experiment(Part):
         """Return the result of the experiment."""
         raise NotImplementedError
 
+    def resulting(self, slider: Slider, dataset: xarray.Dataset) -> Slider:
+        """Return the slider that the result describes, of which K_c and other constants are reported."""
+        return slider
+
 
 def follow(
     slider: Slider, segments: Iterable[tuple[float, float]], samples: int, start: np.ndarray | None = None

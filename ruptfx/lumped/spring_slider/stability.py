@@ -213,7 +213,7 @@ class ModulatedLoad(Experiment):
                     "eps", small_amplitude_change(np.array(self.amplitudes), base, float(slider.law.a)), "1",
                     "-(a / mu) ln I_0(eps mu / a)",
                 ),
-                "K_c": variable("eps", np.array(critical), "N/m", "critical stiffness"),
+                "K_c_loaded": variable("eps", np.array(critical), "N/m", "critical stiffness under the load"),
                 "wave": variable(("eps", "phase"), np.array(waves), "1", "friction force over W"),
             },
             coords={
