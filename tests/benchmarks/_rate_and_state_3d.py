@@ -13,7 +13,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks._surfaces import Places, Surface, against_saved, budget, draw, half_model, rupture, spacing, symmetry
+from benchmarks._surfaces import (
+    Places,
+    Surface,
+    against_published,
+    budget,
+    draw,
+    half_model,
+    rupture,
+    spacing,
+    symmetry,
+)
+from benchmarks.tpv5 import bar
 from ruptfx import Table
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
@@ -23,6 +34,7 @@ if TYPE_CHECKING:
 
 SIZES = (1500.0, 1000.0, 750.0)  # m, elements of order 4
 COARSE = SIZES[1]  # without `--fine`
+STATIONS = dict.fromkeys([(4.5e3, 7.5e3), (9e3, 7.5e3), (12e3, 3e3), (12e3, 12e3)], 0.0)  # m, where both sides agree
 SLIP = 0.2  # m
 ARRIVALS = 7.5  # s, when the front has passed all stations
 
@@ -71,9 +83,10 @@ def case(element_size: float, law: Table, shear: float, extra: float, duration: 
 
 
 def study(
-    make: Callable[[float, float], Table], duration: float, known: Places, late: float, fine: bool, comm: MPI.Comm
+    make: Callable[[float, float], Table], duration: float, fine: bool, comm: MPI.Comm, published: Places | None = None,
+    bars: Callable[[float], float] = bar, source: str = "",
 ) -> Outcome:
-    """Check times of slip, symmetry and energy, and with `fine` the convergence of times, peak slip rates and slips.
+    """Check symmetry, energy, published times of slip, and with `fine` the convergence of times, peak rates and slips.
 
     Parameters
     ----------
@@ -81,21 +94,26 @@ def study(
         Case of an element size [m] and a duration [s].
     duration : float
         Of the runs with `fine` [s].
-    known : dict
-        Times of 0.2 m of slip at stations on the finest mesh, from a run with `fine` [s].
-    late : float
-        Bar of these times on the coarse mesh [s].
     fine : bool
     comm : MPI communicator
+    published : dict, optional
+        Times of 0.2 m of slip at stations, of another code [s].
+    bars : callable
+        Tolerance of these times [s] on elements of a size [m].
+    source : str
+        Where they come from.
     """
     sizes, duration = (SIZES, duration) if fine else ((COARSE,), ARRIVALS)
-    runs = {spacing(size): rupture(make(size, duration), comm, SLIP) for size in sizes}
-    checks = [check for mesh, found in runs.items() for check in (symmetry(found, mesh, known), budget(found, mesh))]
-    names = spacing(COARSE), spacing(SIZES[-1])
-    checks += against_saved(runs[names[0]], runs.get(names[1]), names, known, late)
+    runs = {size: rupture(make(size, duration), comm, SLIP) for size in sizes}
+    checks = []
+    for size, surface in runs.items():
+        checks += [symmetry(surface, spacing(size), STATIONS), budget(surface, spacing(size))]
+        if published and size <= COARSE:  # the front is not resolved on the coarsest mesh
+            checks += against_published(surface, spacing(size), published, bars(size), source)
     if fine:
         checks += _converge(*runs.values())
-    return Outcome(checks, lambda: draw(runs, "time of 0.2 m of slip (s)", (15e3, 15e3)))
+    drawn = {spacing(size): surface for size, surface in runs.items()}
+    return Outcome(checks, lambda: draw(drawn, "time of 0.2 m of slip (s)", (15e3, 15e3)))
 
 
 def _converge(coarse: Surface, middle: Surface, finest: Surface) -> list[Check]:

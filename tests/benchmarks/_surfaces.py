@@ -162,31 +162,26 @@ def symmetry(surface: Surface, name: str, places: Places) -> Check:
     return Check(f"time of slip, largest difference of x and -x, {name}", 0.0, apart, 1e-9, "s", "exact")
 
 
-def against_saved(coarse: Surface, finest: Surface | None, names: tuple[str, str], saved: Places, bar: float
-                  ) -> list[Check]:  # fmt: skip
-    """Return the checks of the times of slip on a coarse mesh against saved ones of the finest mesh.
+def against_published(surface: Surface, name: str, published: Places, bar: float, source: str) -> list[Check]:
+    """Return the checks of the times of slip on a mesh against those of another code.
 
     Parameters
     ----------
-    coarse : Surface
-    finest : Surface, optional
-        If it was run: its times are compared with the saved ones, too.
-    names : (str, str)
-        Names of both meshes.
-    saved : dict
-        Times on the finest mesh by position along strike and down dip [m] [s].
+    surface : Surface
+    name : str
+        Name of the mesh.
+    published : dict
+        Times by position along strike and down dip [m] [s].
     bar : float
-        Tolerance on the coarse mesh [s].
+        Tolerance on this mesh [s].
+    source : str
+        Where the times come from.
     """
-    checks = []
-    for (x, down), expected in saved.items():
-        place = f"time of slip, x = {x / 1e3:g} km, {down / 1e3:g} km down dip"
-        at = coarse.at(x, down, "slip_time")
-        checks.append(Check(f"{place}, {names[0]}", expected, at, bar, "s", f"own {names[1]}"))
-        if finest is not None:
-            at = finest.at(x, down, "slip_time")
-            checks.append(Check(f"{place}, {names[1]}", expected, at, 2e-3, "s", "saved of the same mesh"))
-    return checks
+    return [
+        Check(f"time of slip, x = {x / 1e3:g} km, {down / 1e3:g} km down dip, {name}", expected,
+              surface.at(x, down, "slip_time"), bar, "s", source)
+        for (x, down), expected in published.items()
+    ]  # fmt: skip
 
 
 def draw(runs: dict[str, Surface], title: str, inside: tuple[float, float] = (np.inf, np.inf)) -> Figure:
