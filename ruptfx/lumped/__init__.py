@@ -181,7 +181,7 @@ def _finite(model: LumpedModel, progress: Progress) -> xarray.Dataset:
         A variable and an attribute have one name.
     """
     dataset = model.run(progress)
-    union(dict(dataset.variables), dataset.attrs)
+    union({str(name): values for name, values in dataset.variables.items()}, dataset.attrs)
     for name, values in dataset.variables.items():
         if values.dtype.kind == "f" and np.isinf(values.values).any():
             raise ArithmeticError(f"{name} is infinite")
