@@ -1,0 +1,407 @@
+"""Contract of the figures: every curve, map and picture shows the numbers of the record, in the units on its axes.
+
+`SHOWN` has, for every figure, what its panels must show in SI units; units on the axes are others than these.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+import pytest
+from helpers import synthetic
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection, QuadMesh
+from matplotlib.image import AxesImage
+
+from ruptfx import RuptfxError, plots
+from ruptfx.record import Record
+
+Array = np.ndarray
+TIME, POSITION = synthetic.times(121), synthetic.points(40)
+# Unit of a quantity: another one of its kind, and its size. No two kinds have the same size.
+OTHER = {
+    "s": ("ns", 1e-9), "m": ("cm", 1e-2), "m/s": ("km/s", 1e3), "Pa": ("GPa", 1e9), "N/m": ("kN/m", 1e3),
+    "J/m": ("mJ/m", 1e-3), "N m": ("GN m", 1e9), "N m/s": ("MN m/s", 1e6), "1": ("%", 0.01),
+}  # fmt: skip
+
+
+class Shown(NamedTuple):
+    """What an artist shows: a quantity of `units` and SI values along x and y and as colours; "" has no unit."""
+
+    x: tuple[str, Array]
+    y: tuple[str, Array]
+    colours: tuple[str, Array] | None = None
+    close: float = 1e-9
+
+
+def edges(centres: Array) -> Array:
+    return np.array([centres[0], *(0.5 * (a + b) for a, b in pairwise(centres)), centres[-1]])
+
+
+# -- runs whose fields are all different, and uneven in space and time -----------------------------------------------
+
+
+def uneven(path: Path) -> Path:
+    """Make every field of a run uneven, each in its own way."""
+    for number, file in enumerate(sorted(path.glob("*.h5"))):
+        with h5py.File(file, "a") as data:
+
+            def change(name: str, item: Any, number: int = number, file: Path = file, data: Any = data) -> None:
+                if not isinstance(item, h5py.Dataset) or item.ndim < 2 or item.dtype.kind != "f" or name in SHAPES:
+                    return
+                random = np.random.default_rng([number, len(name), *map(ord, name[:4])])
+                phase = np.linspace(0, 1, item.shape[1])
+                if file.name == "bulk.h5":
+                    phase = np.asarray(data["points"]) @ [10.0, 30.0]
+                along = 1 + 0.1 * np.sin(random.uniform(3, 6) * phase)
+                in_time = 1 + 0.1 * np.sin(np.linspace(0, random.uniform(3, 6), item.shape[0]))
+                factor = np.multiply.outer(in_time, along)
+                item[...] *= factor.reshape(factor.shape + (1,) * (item.ndim - 2))
+
+            data.visititems(change)
+    return path
+
+
+SHAPES = ("points", "cells", "lines", "displacement")
+
+
+def write(path: Path, kind: str) -> Path:
+    if kind in ("surface", "line of receivers"):
+        return uneven(synthetic.write_surface_run(path, branch=kind == "surface"))
+    crack = synthetic.crack(TIME, POSITION)
+    if kind == "cycles":
+        resting = np.full((20, len(POSITION)), 1e-9)
+        steps = [(resting, 0.5), (crack, TIME[1]), (resting, 0.5)]
+        time = np.cumsum(np.concatenate([np.full(len(field), step) for field, step in steps]))
+        return uneven(synthetic.write_run(path, np.concatenate([field for field, _ in steps]), time, POSITION))
+    written = uneven(synthetic.write_run(path, crack, TIME, POSITION, slides=kind == "slides"))
+    if kind == "broken":
+        synthetic.write_cracks(path, failed=120)
+    return written
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Record]]:
+    folder, opened = tmp_path_factory.mktemp("runs"), dict[str, Record]()
+
+    def record(kind: str) -> Record:
+        if kind not in opened:
+            opened[kind] = Record(write(folder / kind, kind))
+        return opened[kind]
+
+    yield record
+    for each in opened.values():
+        each.close()
+
+
+# -- what the figures must show --------------------------------------------------------------------------------------
+
+
+def at_row(record: Record, time: float) -> int:
+    return int(np.argmin(np.abs(record.interface["time"].values - time)))
+
+
+def space_time(record: Record) -> list[list[Shown]]:
+    data = record.interface
+    grid = ("x", edges(data["position"].values)), ("time", edges(data["time"].values))
+    return [[Shown(*grid, ("slip", data["slip"].values))]]
+
+
+def space_time_of_rates(record: Record) -> list[list[Shown]]:
+    """Where points slide faster than 2 % of the speed of the driven edge, 2 m/s."""
+    data = record.interface
+    grid = ("x", edges(data["position"].values)), ("time", edges(data["time"].values))
+    rate = np.abs(data["slip_rate"].values)
+    return [[Shown(*grid, ("slip_rate", np.where(rate < 0.04, np.nan, rate)))]]
+
+
+def contact(record: Record) -> list[list[Shown]]:
+    data = record.interface
+    grid = ("x", edges(data["position"].values)), ("time", edges(data["time"].values))
+    return [[Shown(*grid, ("", data["contact"].values.astype(float)))]]
+
+
+def energy_budget(record: Record) -> list[list[Shown]]:
+    energy, time = record.energy, ("time", record.energy["time"].values)
+    names = ("boundary_work", "kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping")
+    values = {name: energy[name].values for name in names}
+    left_over = values["boundary_work"] - sum(values[name] for name in names[1:])
+    closure = 100 * np.abs(left_over) / values["boundary_work"].max()
+    return [
+        [Shown(time, ("energy", values[name])) for name in names],
+        [Shown(time, ("", np.maximum(closure, 1e-14)), close=1e-6)],
+    ]
+
+
+def forces(record: Record) -> list[list[Shown]]:
+    table, time = record.forces, ("time", record.forces["time"].values)
+    return [[Shown(time, ("force", table["normal_force"].values)), Shown(time, ("force", table["shear_force"].values))]]
+
+
+def instruments(record: Record) -> list[list[Shown]]:
+    """A panel for each unit."""
+    panels = []
+    for name, channel, quantity in (("point", "velocity_y", "velocity"), ("point", "strain_xy", "strain"),
+                                    ("cell", "force_x", "force")):  # fmt: skip
+        data = record.instruments[name]
+        panels.append([Shown(("time", data["time"].values), (quantity, data[channel].values))])
+    return panels
+
+
+def slip_profiles(record: Record) -> list[list[Shown]]:
+    data, rows = record.interface, [at_row(record, time) for time in AT]
+    return [[Shown(("x", data["position"].values), (name, data[name].values[row])) for row in rows]
+            for name in ("slip", "displacement_jump")]  # fmt: skip
+
+
+def snapshots(record: Record) -> list[list[Shown]]:
+    data = record.interface
+    return [[Shown(("x", data["position"].values), (name, data[name].values[at_row(record, time)]))]
+            for time in AT for name in ("slip_rate", "shear_traction", "normal_stress")]  # fmt: skip
+
+
+def surfaces(record: Record) -> list[list[Shown]]:
+    data, panels = record.interface, []
+    for row in (at_row(record, time) for time in AT):
+        across = ("x", data["deformed_x"].values[row])
+        names = ("normal_stress", "shear_traction")
+        panels.append([Shown(across, ("traction", data[name].values[row])) for name in names])
+        points = across, ("y", data["deformed_y"].values[row])
+        opposite = ("x", data["paired_x"].values[row]), ("y", data["paired_y"].values[row])
+        panels.append([Shown(*opposite), Shown(*points), Shown(*points)])
+    return panels
+
+
+def front(record: Record) -> list[list[Shown]]:
+    data = record.interface
+    return [[Shown(("x", data["position"].values), ("time", data["rupture_time"].values))]]
+
+
+def cycles(record: Record) -> list[list[Shown]]:
+    data, time = record.interface, ("time", record.interface["time"].values)
+    shear, rate = data["shear_traction"].values, np.abs(data["slip_rate"].values)
+    widths = np.diff(data["position"].values)
+    force = (0.5 * (shear[:, 1:] + shear[:, :-1]) * widths).sum(axis=1)
+    grid = ("x", edges(data["position"].values)), ("time", edges(data["time"].values))
+    return [
+        [Shown(time, ("force", force))],
+        [Shown(time, ("", np.where(rate.max(axis=1) > 0, rate.max(axis=1), np.nan)))],
+        [Shown(*grid, ("", np.maximum(rate, max(1e-10, 1e-10 * rate.max()))))],
+    ]
+
+
+def moment_rate(record: Record) -> list[list[Shown]]:
+    """32 GPa times the area times slip and slip rate: of all surfaces, then of each."""
+    time, panels = ("time", record.interface["time"].values), []
+    for quantity, field in (("moment_rate", "slip_rate"), ("moment", "slip")):
+        each = [32e9 * np.hypot(data[f"{field}_1"].values, data[f"{field}_2"].values) @ data["area"].values
+                for data in record.interfaces.values()]  # fmt: skip
+        panels.append([Shown(time, (quantity, values)) for values in (np.sum(each, axis=0), *each)])
+    return panels
+
+
+def on_surfaces(record: Record, field: str, row: int) -> list[list[Shown]]:
+    panels = []
+    for data in record.interfaces.values():
+        strike, dip = (np.unique(data[name].values) for name in ("position", "dip"))
+        size = np.hypot(data[f"{field}_1"].values[row], data[f"{field}_2"].values[row])
+        table = np.empty((len(dip), len(strike)))
+        table[np.searchsorted(dip, data["dip"].values), np.searchsorted(strike, data["position"].values)] = size
+        panels.append([Shown(("x", strike), ("x", dip), (field, table))])
+    return panels
+
+
+def ground_motion(record: Record) -> list[list[Shown]]:
+    data = record.instruments["ground"]
+    peak = np.sqrt(sum(np.square(data[f"velocity_{axis}"].values) for axis in "xyz")).max(axis=0)
+    x, y = (np.unique(data[axis].values) for axis in "xy")
+    table = np.empty((len(y), len(x)))
+    table[np.searchsorted(y, data["y"].values), np.searchsorted(x, data["x"].values)] = peak
+    return [[Shown(("x", x), ("x", y), ("velocity", table))]]
+
+
+def picture(values: Array, record: Record, quantity: str, close: float = 0.02) -> list[list[Shown]]:
+    """An image of values at the points of the bodies."""
+    points = record.bulk["points"].values
+    return [[Shown(("x", points[:, 0]), ("x", points[:, 1]), (quantity, values), close)]]
+
+
+def fringes(record: Record) -> list[list[Shown]]:
+    """Dark field: sin^2(pi N) with N = fringe times thickness over 22.6 kN/m."""
+    row = int(np.argmin(np.abs(record.bulk["time"].values - AT[0])))
+    order = record.bulk["fringe"].values[row] * 9.5e-3 / 22.6e3
+    return picture(np.sin(np.pi * order) ** 2, record, "", 0.1)
+
+
+def wavefield(record: Record) -> list[list[Shown]]:
+    row = int(np.argmin(np.abs(record.bulk["time"].values - AT[0])))
+    return picture(np.hypot(*record.bulk["velocity"].values[row].T), record, "field")
+
+
+def material_state(record: Record) -> list[list[Shown]]:
+    """The label has a power of ten."""
+    return picture(1e4 * record.bulk["plastic_strain"].values[-1], record, "")
+
+
+def cracks(record: Record) -> list[list[Shown]]:
+    events, edge = record.events, record.edges
+    x, y, when = (events[name].values for name in ("x", "y", "time_of_failure"))
+    first = int(np.argmin(when))
+    order = np.random.default_rng(0).permutation(len(when))
+    away, since = np.hypot(x - x[first], y - y[first])[order], (when - when[first])[order]
+    points = record.cracks["points"].values
+    lines, status = points[record.cracks["lines"].values], record.cracks["status"].values[-1]
+    return [
+        [Shown(("x", some[..., 0].ravel()), ("x", some[..., 1].ravel())) for some in (lines, lines[status == 2])],
+        [Shown(("displacement", edge["rock.top.displacement_y"].values), ("force", edge["rock.top.force_y"].values))],
+        [Shown(("time", since), ("distance", away))],
+    ]
+
+
+def emission(record: Record) -> list[list[Shown]]:
+    """Numbers of failures in time."""
+    when = np.sort(record.events["time_of_failure"].values)
+    return [[Shown(("time", when), ("", np.arange(1.0, len(when) + 1)))]]
+
+
+AT = (30e-6, 50e-6)
+# Figure: run, arguments, and what its panels must show.
+SHOWN: list[tuple[str, str, dict[str, Any], Callable[[Record], list[list[Shown]]]]] = [
+    ("space_time", "slides", {"field": "slip"}, space_time),
+    ("space_time", "plain", {}, space_time_of_rates),
+    ("contact", "slides", {}, contact),
+    ("energy_budget", "plain", {}, energy_budget),
+    ("forces", "slides", {"field": "forces"}, forces),
+    ("instruments", "plain", {}, instruments),
+    ("slip_profiles", "plain", {"at": AT}, slip_profiles),
+    ("snapshots", "plain", {"at": AT}, snapshots),
+    ("surfaces", "slides", {"at": AT}, surfaces),
+    ("front", "plain", {"field": "rupture_time"}, front),
+    ("cycles", "cycles", {"field": ["force", "peak_slip_rate", "slip_rate"]}, cycles),
+    ("moment_rate", "surface", {}, moment_rate),
+    ("slip_rate_maps", "surface", {"at": 6.0}, lambda record: on_surfaces(record, "slip_rate", at_row(record, 6.0))),
+    ("slip_rate_maps", "surface", {"at": 6.0, "field": "slip"},
+     lambda record: on_surfaces(record, "slip", at_row(record, 6.0))),
+    ("rupture_map", "surface", {}, lambda record: on_surfaces(record, "slip", -1)),
+    ("ground_motion", "line of receivers", {}, ground_motion),
+    ("fringes", "plain", {"at": AT[0]}, fringes),
+    ("wavefield", "plain", {"at": AT[0]}, wavefield),
+    ("material_state", "plain", {}, material_state),
+    ("cracks", "broken", {}, cracks),
+    ("emission", "broken", {"field": "load"}, emission),
+]  # fmt: skip
+
+
+def test_every_figure_is_here() -> None:
+    assert {name for name, *_ in SHOWN} == set(plots.FIGURES)
+
+
+def read(artist: Any) -> tuple[Array, Array, Array | None] | None:
+    """Return x, y and colours of an artist, None for guides: lines of two points, and marks of few facets."""
+    if isinstance(artist, QuadMesh):
+        places = artist.get_coordinates()
+        return places[0, :, 0], places[:, 0, 1], np.ma.filled(np.ma.asarray(artist.get_array(), float), np.nan)
+    if isinstance(artist, AxesImage):
+        ends = np.array(artist.get_extent())
+        return ends[:2], ends[2:], np.ma.filled(artist.get_array(), np.nan)
+    if isinstance(artist, LineCollection):
+        points = np.concatenate([np.asarray(part) for part in artist.get_segments()] or [np.zeros((0, 2))])
+        return (points[:, 0], points[:, 1], None) if len(points) else None
+    if isinstance(artist, PathCollection):
+        return (*np.ma.filled(artist.get_offsets(), np.nan).T, None)
+    if hasattr(artist, "get_xdata") and len(artist.get_xdata()) > 2 and artist.get_gid() != "sliding":
+        return np.asarray(artist.get_xdata(), float), np.asarray(artist.get_ydata(), float), None
+    return None
+
+
+def artists(ax: Axes) -> list[tuple[Array, Array, Array | None]]:
+    kinds = (*ax.images, *ax.collections, *ax.lines)
+    return [values for values in map(read, kinds) if values is not None]
+
+
+def compare_image(values: tuple[Array, Array, Array | None], expected: Shown, size: dict[str, float]) -> None:
+    """Compare the pixels of an image with the values at the nearest points."""
+    assert values[2] is not None and expected.colours is not None
+    (x, y), colours = (each[1] / size[each[0]] for each in expected[:2]), expected.colours
+    np.testing.assert_allclose([*values[0], *values[1]], [x.min(), x.max(), y.min(), y.max()], rtol=1e-9)
+    rows, columns = values[2].shape
+    across = x.min() + (np.arange(columns) + 0.5) * np.ptp(x) / columns
+    up = y.min() + (np.arange(rows) + 0.5) * np.ptp(y) / rows
+    height = 0.4 * np.ptp(np.unique(y)[:2])
+    checked = 0
+    for point in np.flatnonzero(np.abs(y) > 1e-9)[::7]:  # both bodies have points on the interface
+        row, column = int(np.argmin(np.abs(up - y[point]))), int(np.argmin(np.abs(across - x[point])))
+        if abs(up[row] - y[point]) > height:
+            continue
+        wanted = colours[1][point] / size[colours[0]]
+        largest = np.abs(colours[1]).max() / size[colours[0]]
+        assert values[2][row, column] == pytest.approx(wanted, abs=expected.close * largest)
+        checked += 1
+    assert checked > 100
+
+
+@pytest.mark.parametrize(
+    "name, kind, options, expected", SHOWN, ids=[f"{name}-{number}" for number, (name, *_) in enumerate(SHOWN)]
+)
+def test_values(
+    name: str, kind: str, options: dict[str, Any], expected: Callable[[Record], list[list[Shown]]],
+    records: Callable[[str], Record],
+) -> None:  # fmt: skip
+    record, draw = records(kind), plots.FIGURES[name]
+    with pytest.raises(RuptfxError) as raised:
+        draw(record, units={"nothing": "m"}, **options)
+    known = dict(re.findall(r"(\w+) \[([^\]]+)\]", str(raised.value)))
+    units = {quantity: OTHER[unit][0] for quantity, unit in known.items()}
+    size = {"": 1.0, **{quantity: OTHER[unit][1] for quantity, unit in known.items()}}
+    axes = draw(record, units=units, **options)
+    with Record(record.path) as untouched:
+        for key in untouched.interface:
+            np.testing.assert_array_equal(record.interface[key], untouched.interface[key], err_msg=str(key))
+    panels = [ax for ax in np.atleast_1d(axes).flat if ax.get_visible()]
+    wanted = expected(record)
+    assert len(panels) == len(wanted)
+    used = {pair[0] for panel in wanted for shown in panel for pair in shown[:3] if pair is not None}
+    assert used - {""} == set(units) - NOT_DRAWN.get(name, set())
+    texts = [text for ax in panels[0].figure.axes for text in (ax.get_xlabel(), ax.get_ylabel())]
+    for quantity in used - {""}:
+        assert any(f"({units[quantity]})" in text for text in texts), (quantity, texts)
+    for number, (ax, panel) in enumerate(zip(panels, wanted, strict=True)):
+        drawn = artists(ax)
+        lines = [shown for shown in panel if shown.colours is None or not ax.images]
+        assert len(drawn) >= len(panel), f"panel {number}"
+        for shown in panel:
+            if ax.images and shown.colours is not None:
+                compare_image(drawn[0], shown, size)
+        for shown in lines:
+            assert any(agrees(values, shown, size) for values in drawn), f"panel {number}: {shown.y[0]}"
+        if not ax.images:
+            for values in drawn:
+                assert any(agrees(values, shown, size) for shown in panel) or name in EXTRA, f"panel {number}"
+
+
+NOT_DRAWN = {"snapshots": {"time"}, "slip_profiles": {"time"}, "surfaces": {"time"}, "slip_rate_maps": {"time"},
+             "fringes": {"time"}, "wavefield": {"time"}, "material_state": {"time"}}  # fmt: skip
+"""Quantities of titles and colour bars."""
+EXTRA = {"forces", "ground_motion", "snapshots", "rupture_map", "slip_rate_maps", "cracks"}
+"""Figures with means, strengths, traces of interfaces, contours and notches besides."""
+
+
+def agrees(values: tuple[Array, Array, Array | None], shown: Shown, size: dict[str, float]) -> bool:
+    for drawn, expected in zip(values, shown[:3], strict=True):
+        if (drawn is None) != (expected is None):
+            return False
+        if drawn is None or expected is None:
+            continue
+        wanted = expected[1] / size[expected[0]]
+        if drawn.shape != wanted.shape or not np.array_equal(np.isnan(drawn), np.isnan(wanted)):
+            return False
+        scale = np.nanmax(np.abs(wanted))
+        if not np.nanmax(np.abs(drawn - wanted)) <= shown.close * scale:
+            return False
+    return True
