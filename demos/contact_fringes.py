@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.analysis.photoelasticity import fringe_order, intensity
-from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import letter, new_figure, save, style
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.analysis.photoelasticity import fringe_order, intensity
+from ruptfx.results.analysis.raster import Raster
+from ruptfx.results.figure_style import letter, new_figure, save, style
 
 begin("runs/contact_fringes_smooth", "runs/contact_fringes")
 path = Path(__file__).with_name("contact_fringes.toml")

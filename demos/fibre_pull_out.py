@@ -16,9 +16,9 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from ruptfx import read_case, simulate
-from ruptfx.analysis.fibre import ShearLag
-from ruptfx.figure_style import RATE_MAP, STEADY, STICK_SLIP, letter, new_figure, styled
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.analysis.fibre import ShearLag
+from ruptfx.results.figure_style import RATE_MAP, STEADY, STICK_SLIP, letter, new_figure, styled
 
 CASE = Path(__file__).with_name("fibre_pull_out.toml")
 SHORT, LONG = 15e-3, 30e-3  # m

@@ -21,12 +21,13 @@ import numpy as np
 import tomli_w
 from scipy.optimize import nnls
 
-from ruptfx import RuptfxError, fem
-from ruptfx.adjoint.gradients import Objective
+from ruptfx import RuptfxError
+from ruptfx.app.script import begin
 from ruptfx.case import Case
-from ruptfx.misfits import Unknown
-from ruptfx.script import begin
-from ruptfx.study import read_study
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.many_runs.study import read_study
+from ruptfx.platform import fem
+from ruptfx.readings.misfits import Unknown
 
 HERE = Path(__file__).parent
 OUT = Path("studies/four_modes_descent" + "".join(f"_{each}" for each in sys.argv[3:]))

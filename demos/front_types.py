@@ -15,9 +15,9 @@ from tempfile import mkdtemp
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.analysis.front import local_speed
-from ruptfx.figure_style import GUIDE, letter, new_figure, remark, styled
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.analysis.front import local_speed
+from ruptfx.results.figure_style import GUIDE, letter, new_figure, remark, styled
 
 CASE = Path(__file__).with_name("front_types.toml")
 EVEN = (1.6e6, 1.65e6, 1.7e6, 1.75e6, 1.8e6, 1.9e6, 2.0e6, 2.15e6)  # shear stress under 5 MPa [Pa]

@@ -20,12 +20,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ruptfx import Record, read_case, simulate
-from ruptfx.analysis.compression import MODES, emission_of, loading
-from ruptfx.analysis.emission import rose
-from ruptfx.figure_style import letter, styled
-from ruptfx.plots.cracks import COLOURS
-from ruptfx.script import begin
-from ruptfx.study import read_csv
+from ruptfx.app.script import begin
+from ruptfx.many_runs.study import read_csv
+from ruptfx.results.analysis.compression import MODES, emission_of, loading
+from ruptfx.results.analysis.emission import rose
+from ruptfx.results.figure_style import letter, styled
+from ruptfx.results.plots.cracks import COLOURS
 
 HERE, STUDY = Path(__file__).parent, Path("studies/granite")
 OUT = STUDY / "figures"

@@ -16,9 +16,9 @@ from tempfile import mkdtemp
 import numpy as np
 
 from ruptfx import simulate
+from ruptfx.app.script import begin
 from ruptfx.case import parse_case, read_toml
-from ruptfx.figure_style import letter, new_figure, remark, styled
-from ruptfx.script import begin
+from ruptfx.results.figure_style import letter, new_figure, remark, styled
 
 GAUGES = (20e-3, 60e-3)  # m, from the driven edge
 out = Path(mkdtemp(prefix="impact_3d_"))

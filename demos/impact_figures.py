@@ -19,11 +19,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ruptfx import Record, read_case, simulate
-from ruptfx.analysis.photoelasticity import fringe_order, intensity
-from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import GUIDE, TIME_MAP, letter, styled
-from ruptfx.script import begin
-from ruptfx.study import mode_map
+from ruptfx.app.script import begin
+from ruptfx.many_runs.study import mode_map
+from ruptfx.results.analysis.photoelasticity import fringe_order, intensity
+from ruptfx.results.analysis.raster import Raster
+from ruptfx.results.figure_style import GUIDE, TIME_MAP, letter, styled
 
 HERE, OUT = Path(__file__).parent, Path("studies/figures")
 LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}

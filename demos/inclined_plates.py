@@ -17,8 +17,8 @@ from tempfile import mkdtemp
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.figure_style import RATE_MAP, letter, new_figure, remark, styled
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.figure_style import RATE_MAP, letter, new_figure, remark, styled
 
 CASE = Path(__file__).with_name("inclined_plates.toml")
 ANGLES, PRESSURES = (20, 25, 30), (6e6, 10e6, 15e6)  # degrees, Pa

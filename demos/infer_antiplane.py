@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import infer, read_case, simulate
-from ruptfx.figure_style import new_figure, save, style
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.figure_style import new_figure, save, style
 
 OUT = Path("inferences/infer_antiplane")
 NOISE, SEED = 0.05, 1

@@ -12,7 +12,7 @@
 from pathlib import Path
 
 from ruptfx import read_case, simulate
-from ruptfx.script import begin
+from ruptfx.app.script import begin
 
 LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}
 PUBLISHED = {"I": "crack", "II": "pulse", "III": "train of pulses", "IV": "pulses into a crack"}
@@ -69,14 +69,14 @@ for (set_name, case_name), record in records.items():
     )
 
 # %%
-from ruptfx import fem  # noqa: E402
+from ruptfx.platform import fem  # noqa: E402
 
 if fem.MPI.COMM_WORLD.rank == 0:
     import matplotlib.pyplot as plt
     import numpy as np
     from matplotlib.colors import LogNorm
 
-    from ruptfx.figure_style import RATE_MAP
+    from ruptfx.results.figure_style import RATE_MAP
 
     (OUT / "table.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))

@@ -19,9 +19,9 @@ from tempfile import mkdtemp
 import numpy as np
 
 from ruptfx import read_case
+from ruptfx.app.script import begin
 from ruptfx.lumped import simulate
 from ruptfx.lumped.maxwell_slip import MaxwellSlip
-from ruptfx.script import begin
 
 out = Path(mkdtemp(prefix="maxwell_slip_"))
 begin(out)

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.analysis.contact_light import contact_light
-from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear
-from ruptfx.figure_style import letter, new_figure, styled
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.analysis.contact_light import contact_light
+from ruptfx.results.analysis.polariscope import Camera, fringe_orders, max_shear
+from ruptfx.results.figure_style import letter, new_figure, styled
 
 begin("runs/optical_methods")
 changes = ["duration=20e-6", "mesh.element_size=2e-3", "output.bulk_interval=0.25e-6", "output.figures=false"]

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.analysis.image_correlation import errors, experiment
-from ruptfx.figure_style import letter, new_figure, save, style
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.analysis.image_correlation import errors, experiment
+from ruptfx.results.figure_style import letter, new_figure, save, style
 
 begin("runs/pressed_block")
 record = simulate(read_case(Path(__file__).with_name("pressed_block.toml")), out="runs/pressed_block", overwrite=True)

@@ -19,10 +19,10 @@ from tempfile import mkdtemp
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.analysis.slip_events import slip_events, speed_against_ratio
-from ruptfx.figure_style import GUIDE, letter, new_figure, remark, styled
+from ruptfx.app.script import begin
 from ruptfx.lumped.spring_block import SpringBlock
-from ruptfx.script import begin
+from ruptfx.results.analysis.slip_events import slip_events, speed_against_ratio
+from ruptfx.results.figure_style import GUIDE, letter, new_figure, remark, styled
 
 HERE = Path(__file__).parent
 E, NU, RHO, LENGTH, HEIGHT = 2.6e9, 0.37, 1200.0, 0.2, 0.05  # of the block: Pa, 1, kg/m3, m, m

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import simulate
-from ruptfx.analysis.asperities import asperities
+from ruptfx.app.script import begin
 from ruptfx.case import parse_case, read_toml
-from ruptfx.figure_style import new_figure, save, style
-from ruptfx.script import begin
+from ruptfx.results.analysis.asperities import asperities
+from ruptfx.results.figure_style import new_figure, save, style
 
 table, name = read_toml(Path(__file__).with_name("rough_rupture.toml")), "rough_rupture"
 if sys.argv[1:] == ["small"]:

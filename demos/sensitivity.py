@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import gradient, read_case, simulate
-from ruptfx.figure_style import new_figure, save, style
-from ruptfx.script import begin
+from ruptfx.app.script import begin
+from ruptfx.results.figure_style import new_figure, save, style
 
 OUT = Path("gradients/sensitivity")
 begin("runs/sensitivity")

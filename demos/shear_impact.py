@@ -9,8 +9,9 @@
 # %%
 from pathlib import Path
 
-from ruptfx import plots, read_case, simulate
-from ruptfx.script import begin
+from ruptfx import read_case, simulate
+from ruptfx.app.script import begin
+from ruptfx.results import plots
 
 begin("runs/shear_impact")
 case = read_case(

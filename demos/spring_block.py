@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from ruptfx import read_case
+from ruptfx.app.script import begin
 from ruptfx.lumped import simulate
-from ruptfx.script import begin
 
 out = Path(mkdtemp(prefix="spring_block_"))
 begin(out)

@@ -15,9 +15,9 @@ from tempfile import mkdtemp
 
 import numpy as np
 
+from ruptfx.app.script import begin
 from ruptfx.case import parse_case
 from ruptfx.lumped import simulate
-from ruptfx.script import begin
 
 out = Path(mkdtemp(prefix="spring_slider_"))
 begin(out)

@@ -10,9 +10,9 @@
 
 # %%
 from ruptfx import simulate
-from ruptfx.bench.stress_barrier import Front, medium, one_tip, predicted, two_tips
-from ruptfx.figure_style import letter, new_figure, style
-from ruptfx.script import begin
+from ruptfx.app.bench.stress_barrier import Front, medium, one_tip, predicted, two_tips
+from ruptfx.app.script import begin
+from ruptfx.results.figure_style import letter, new_figure, style
 
 begin("runs/stress_barrier_one_tip", "runs/stress_barrier")
 

@@ -26,12 +26,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image, ImageSequence
 
-from ruptfx import Record, plots, read_case, simulate
-from ruptfx.analysis.along_interface import body_stress
-from ruptfx.analysis.asperities import first_slip
-from ruptfx.analysis.modes import classify
+from ruptfx import Record, read_case, simulate
 from ruptfx.case import parse_case, read_toml
-from ruptfx.figure_style import RATE_MAP, letter, new_figure, save, styled
+from ruptfx.results import plots
+from ruptfx.results.analysis.along_interface import body_stress
+from ruptfx.results.analysis.asperities import first_slip
+from ruptfx.results.analysis.modes import classify
+from ruptfx.results.figure_style import RATE_MAP, letter, new_figure, save, styled
 
 PICTURES = Path(__file__).with_name("pictures")
 DEMOS = Path(__file__).parents[1] / "demos"

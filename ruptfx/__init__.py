@@ -22,11 +22,11 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "Case": "ruptfx.case",
     "read_case": "ruptfx.case",
-    "simulate": "ruptfx.simulation",
-    "gradient": "ruptfx.adjoint.gradients",
-    "infer": "ruptfx.inference.inversion",
-    "Record": "ruptfx.record",
-    "plots": "ruptfx.plots",
+    "simulate": "ruptfx.run.simulation",
+    "gradient": "ruptfx.many_runs.adjoint.gradients",
+    "infer": "ruptfx.many_runs.inference.inversion",
+    "Record": "ruptfx.results.record",
+    "plots": "ruptfx.results.plots",
 }
 __all__ = ["RuptfxError", "__version__", *_PUBLIC]
 

@@ -1,6 +1,6 @@
 """`python -m ruptfx` is the command line."""
 
-from ruptfx.cli import program
+from ruptfx.app.cli import program
 
 if __name__ == "__main__":
     program()

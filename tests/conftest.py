@@ -20,7 +20,7 @@ matplotlib.use("Agg")
 
 if find_spec("dolfinx") is not None:
     # First of all imports: the order of h5py, DOLFINx's own libraries and petsc4py matters.
-    from ruptfx.fem import MPI  # noqa: F401
+    from ruptfx.platform.fem import MPI  # noqa: F401
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +36,7 @@ def no_figure_is_left_open(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def shared_tmp_path(tmp_path_factory: pytest.TempPathFactory):
     """A directory that all ranks of an MPI job agree on."""
-    from ruptfx import fem
+    from ruptfx.platform import fem
 
     comm = fem.MPI.COMM_WORLD
     path = tmp_path_factory.mktemp("shared") if comm.rank == 0 else None

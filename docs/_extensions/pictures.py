@@ -12,7 +12,7 @@ from docutils import nodes
 from PIL import Image
 from sphinx.application import Sphinx
 
-from ruptfx import movies
+from ruptfx.results import movies
 
 PER_INCH = 100  # CSS pixels
 RESOLUTIONS = {".webp": float(movies.RESOLUTION)}  # of files that do not name theirs [pixels per inch]

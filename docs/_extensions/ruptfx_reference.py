@@ -3,7 +3,7 @@
 - ``{ruptfx-entries} TOPIC``: every kind or table of a topic of `ruptfx describe`.
 - ``{ruptfx-commands}``: every command with its arguments and options.
 - ``{ruptfx-fields}``: the fields of interface.h5.
-- ``ruptfx-figures``, in a block of reStructuredText: every function of `ruptfx.plots` that draws a figure.
+- ``ruptfx-figures``, in a block of reStructuredText: every function of `ruptfx.results.plots` that draws a figure.
 - ``{ruptfx-support} TOPIC``: which features work with which steppers, contact methods, planes or materials.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`, after one of a row for each benchmark.
 - ``{ruptfx-problems} FILE``: the verification problems of a TOML file, each with picture, source, error and verdict.
@@ -31,12 +31,13 @@ from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective, SphinxRole
 
-from ruptfx import bench, plots
-from ruptfx.bench import _speed_tables
-from ruptfx.cli import app
-from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
+from ruptfx.app import bench
+from ruptfx.app.bench import _speed_tables
+from ruptfx.app.cli import app
+from ruptfx.app.reference import describe, support_table
+from ruptfx.input.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
 from ruptfx.input.quantities import with_prefix
-from ruptfx.reference import describe, support_table
+from ruptfx.results import plots
 
 
 def paragraph(text: str) -> nodes.paragraph:
@@ -203,7 +204,7 @@ class Figures(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         self.env.note_reread()  # made from the code, whatever files of docs changed
-        return self.parse_text_to_nodes("".join(f".. autofunction:: ruptfx.plots.{name}\n\n" for name in plots.FIGURES))
+        return self.parse_text_to_nodes("".join(f".. autofunction:: ruptfx.results.plots.{name}\n\n" for name in plots.FIGURES))
 
 
 class Support(Directive):

@@ -13,9 +13,9 @@ from functools import cache
 from pathlib import Path
 
 from ruptfx import Table
-from ruptfx.check_law.examples import tables
-from ruptfx.reference.describe import Entry
-from ruptfx.schema import Part, alternatives
+from ruptfx.app.check_law.examples import tables
+from ruptfx.app.reference.describe import Entry
+from ruptfx.input.schema import Part, alternatives
 
 ROOT = Path(__file__).parents[2]
 WRITTEN = ROOT / "docs" / "reference" / "examples.toml"

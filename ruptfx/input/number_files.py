@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationInfo
 
-from ruptfx.input.files import require_file
 from ruptfx.input.quantities import OtherKind, factor
+from ruptfx.platform.files import require_file
 
 Units = tuple[str, str | None]
 

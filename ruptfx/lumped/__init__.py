@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__
-from ruptfx.plugins import CaseFile, active, named
-from ruptfx.results import run_files
+from ruptfx.input.plugins import CaseFile, active, named
+from ruptfx.input.schema import Alternative, Part, find, kinds
+from ruptfx.platform import run_files
 from ruptfx.results.directories import is_finished, prepare, refuse_links, replace, reserved
-from ruptfx.schema import Alternative, Part, find, kinds
 
 if TYPE_CHECKING:
     import xarray

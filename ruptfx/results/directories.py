@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from ruptfx import RuptfxError
-from ruptfx.results import run_files
+from ruptfx.platform import run_files
 
 LOCK = ".lock"
 NEW = ".new"

@@ -9,8 +9,8 @@ from html import escape
 from pathlib import Path
 from typing import Protocol
 
+from ruptfx.input.schema import Alternative, Part, descriptions, first_line, unit_of
 from ruptfx.results import summary_fields
-from ruptfx.schema import Alternative, Part, descriptions, first_line, unit_of
 
 PICTURE = 560  # largest width and height of a picture [pixels]; those of the run directory are larger
 MOST_NUMBERS = 6  # largest number of entries shown of a list

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 from ruptfx.case import Case, read_case
-from ruptfx.cracks.extrinsic import Extrinsic
-from ruptfx.model import Model
-from ruptfx.recording.crack_files import events, facets_of
-from ruptfx.recording.edge_sums import EdgeSums
+from ruptfx.interfaces.cracks.extrinsic import Extrinsic
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
+from ruptfx.run.recording.crack_files import events, facets_of
+from ruptfx.run.recording.edge_sums import EdgeSums
 
 if TYPE_CHECKING:
-    from ruptfx.state import FaultState, State
+    from ruptfx.bodies.state import FaultState, State
 
 SAMPLES = 400  # of the forces
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ruptfx import Table
 from ruptfx.case import Case, parse_case, read_toml
-from ruptfx.schema import set_key
+from ruptfx.input.schema import set_key
 
 
 def table_of(name: str) -> Table:

@@ -26,11 +26,11 @@ from benchmarks._surfaces import (
 )
 from benchmarks.tpv5 import bar
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import elastic
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 SIZES = (1500.0, 1000.0, 750.0)  # m, elements of order 4
 COARSE = SIZES[1]  # without `--fine`

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ruptfx import Table, fem, stages
-from ruptfx.bench._parts import ratio
+from ruptfx import Table
+from ruptfx.app.bench._parts import ratio
+from ruptfx.bodies.state import State
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
-from ruptfx.sliding.interface import SlidingInterface
-from ruptfx.state import State
+from ruptfx.interfaces.sliding.interface import SlidingInterface
+from ruptfx.platform import fem
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 SPEED, PRESSURE, WAVELENGTH = 10.0, 5e6, 0.6e-3
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx import Table, fem
+from ruptfx import Table
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
-from ruptfx.platform import parallel
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
 
 
 def added_shear_forces(table: Table, down: float, sheared: tuple[str, float], steps: tuple[float, float],

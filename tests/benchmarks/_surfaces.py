@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.analysis.surface import SurfaceInterpolation
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 from ruptfx.case import parse_case
-from ruptfx.model import Model
 from ruptfx.platform import parallel
+from ruptfx.results.analysis.surface import SurfaceInterpolation
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ruptfx.case import Case
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 Array = np.ndarray
 Places = dict[tuple[float, float], float]

@@ -23,21 +23,21 @@ import tomli_w
 
 from benchmarks.time_order import CONTACTS, LAWS, plates
 from ruptfx import RuptfxError, Table
-from ruptfx.adjoint.bodies import value_of
-from ruptfx.adjoint.gradients import Objective
-from ruptfx.adjoint.unknowns import Place, perturbed, places
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import elastic
 from ruptfx.case import Case
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.misfits import Unknown
-from ruptfx.model import Model
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.many_runs.adjoint.bodies import value_of
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.many_runs.adjoint.unknowns import Place, perturbed, places
 from ruptfx.platform import launch
+from ruptfx.readings.misfits import Unknown
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 STEPS = 200
 PLANES = ("strain", "stress", "antiplane")
@@ -457,7 +457,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(remainders: Remainders) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3.0, 6.0)
     for kind, values in remainders.found.items():

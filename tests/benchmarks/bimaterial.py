@@ -16,14 +16,14 @@ import numpy as np
 
 from benchmarks._cases import table_of
 from ruptfx import Table
-from ruptfx.analysis import fracture
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import Rupture, rupture
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import Rupture, rupture
+from ruptfx.laws import fracture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 TABLE = table_of("bimaterial")
 SIGMA = TABLE["faults"]["main"]["initial_stress"]["normal"]
@@ -88,7 +88,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(runs: dict[str, list[Rupture]], spacings: tuple[float, ...]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, (axes,) = new_figure(1, 3, 3.2, 11)
     finest = runs["memory"][1]

@@ -27,15 +27,15 @@ import numpy as np
 
 from benchmarks._cycles import Cycles
 from benchmarks._half_space_fault import HalfSpaceFault
-from ruptfx import fem
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 YEAR = 365.25 * 24 * 3600
 DENSITY, C_S, SIGMA = 2670.0, 3464.0, 50e6
@@ -161,7 +161,7 @@ def _alone(found: Cycles) -> list[Check]:
 
 
 def _draw(found: Cycles, expected: Cycles) -> Figure:
-    from ruptfx.figure_style import ACCENT, GUIDE, new_figure
+    from ruptfx.results.figure_style import ACCENT, GUIDE, new_figure
 
     figure, (axes,) = new_figure(1, 2, 3.2, 8)
     axes[0].semilogy(np.array(expected.times) / YEAR, expected.speeds, lw=2.5, color="0.75", label="boundary integrals")

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._broken import Broken, broken, demo, rigid
-from ruptfx.bench import Check, Outcome
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 END = 45e-3  # m from the notch
 STEP = 10e-3
@@ -63,7 +63,7 @@ def _height(x: np.ndarray, y: np.ndarray, place: float) -> float:
 
 
 def _draw(found: dict[str, Broken]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 2.6, 6)
     for number, (kind, each) in enumerate(found.items()):

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._broken import Broken, broken, demo, rigid
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ruptfx.case import Case
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DIAMETER, STRENGTH, YOUNG = 54e-3, 4e6, 50e9  # m, Pa
 PARTS = (0.03, 0.12)  # E G / f_t^2 over the diameter
@@ -82,7 +82,7 @@ def _angle(found: Broken) -> float:
 
 
 def _draw(springs: list[Broken], tied: list[Broken]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((left, middle, right),) = new_figure(1, 3, 3.0)
     angle = np.linspace(0, 2 * np.pi, 200)

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from ruptfx import fem
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 from ruptfx.case import Case, read_case
-from ruptfx.profiles import evaluate
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
+from ruptfx.input.profiles import evaluate
+from ruptfx.platform import fem
+from ruptfx.results.record import Record
+from ruptfx.run.simulation import simulate
 
 SOURCE, MEAN = "Zhao (2013), thesis", 0.545
 HELD = 1.2e-3  # s: duration of pressing and hold; shearing follows

@@ -29,15 +29,15 @@ from scipy.interpolate import CubicSpline
 
 from benchmarks._broken import openings, rigid
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.cohesion import AnyCohesion, CohesiveLaw
-from ruptfx.model import Model
+from ruptfx.laws.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 YOUNG, DENSITY, STRAIN_RATE = 50e9, 2600.0, 50.0
 BOND: Table = {"f_t": 4e6, "c": 8e6, "G_Ic": 2.0, "G_IIc": 8.0}
@@ -169,7 +169,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list[tuple[str, np.ndarray, np.ndarray]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3.0, 5)
     for number, (way, time, opening) in enumerate(curves):

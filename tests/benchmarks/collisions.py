@@ -24,11 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import fem, stages
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
-from ruptfx.fields import OF_COLLISIONS
-from ruptfx.model import Model
+from ruptfx.input.fields import OF_COLLISIONS
+from ruptfx.platform import fem
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 DENSITY = 2600.0
 RAMP = 5e-5  # s

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 
 import ruptfx
 from ruptfx import RuptfxError
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._parts import Parts
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._parts import Parts
 from ruptfx.case import Case, read_case
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DEMOS = Path(ruptfx.__file__).with_name("demos")
 QUICK = ("antiplane", "gmsh", "impact", "rate_state", "pressed_block")
@@ -35,13 +35,13 @@ UNITS = {"expected run time": "s, CPU", "memory": "MB", "files": "MB"}
 TOLD = """
 import json, sys
 from ruptfx.case import read_case
-from ruptfx.checks.preflight import preflight
+from ruptfx.app.checks.preflight import preflight
 rows = {row.quantity: row.value for row in preflight(read_case(sys.argv[1], sys.argv[2:]))}
 print(json.dumps({name: rows.get(name) for name in ("expected run time", "memory", "files")}))
 """
 TAKEN = """
 import atexit, json, resource, runpy, time
-from ruptfx.checks import cost
+from ruptfx.run import cost
 
 def tell():
     others = resource.getrusage(resource.RUSAGE_CHILDREN)  # the figure processes

@@ -25,24 +25,24 @@ import tomli_w
 
 from benchmarks._broken import demo
 from ruptfx import RuptfxError
-from ruptfx.analysis.compression import Emission, Loading, emission_of, loading
-from ruptfx.analysis.emission import BValue, FractalDimension
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.cohesion.linear import Linear
-from ruptfx.cracks import CrackLaws
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.model import Model
+from ruptfx.interfaces.cracks import CrackLaws
+from ruptfx.laws.cohesion.linear import Linear
+from ruptfx.laws.friction.coulomb import Coulomb
 from ruptfx.platform import launch
-from ruptfx.record import Record
-from ruptfx.recording.edge_sums import EdgeSums
-from ruptfx.simulation import simulate
+from ruptfx.results.analysis.compression import Emission, Loading, emission_of, loading
+from ruptfx.results.analysis.emission import BValue, FractalDimension
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.recording.edge_sums import EdgeSums
+from ruptfx.run.simulation import simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 SIZE = 3e-3  # m
 DURATIONS = {0: 0.6e-3, 2: 0.75e-3, 4: 0.9e-3, 6: 1.1e-3, 8: 1.3e-3, 10: 1.5e-3}  # s, by the pressure in MPa
@@ -194,7 +194,7 @@ def _of_the_thesis(
 
 
 def _draw(found: dict[int, Pressed]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((left, right),) = new_figure(1, 2, 3.0)
     for pressure, each in found.items():

@@ -24,17 +24,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._broken import demo, rigid
-from ruptfx import RuptfxError, Table, fem
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench.speed import median_time, timed_steps
+from ruptfx import RuptfxError, Table
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench.speed import median_time, timed_steps
+from ruptfx.bodies.operators.ufl_form import UflForm
 from ruptfx.case import Case
-from ruptfx.model import Model
-from ruptfx.operators.ufl_form import UflForm
-from ruptfx.platform import launch
+from ruptfx.platform import fem, launch
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
-    from ruptfx.state import State
-    from ruptfx.steppers import Motion
+    from ruptfx.bodies.state import State
+    from ruptfx.stepping.steppers import Motion
 
 # Element sizes [m]: 24 thousand and 0.9 million triangles; by kind the aims in million triangles per second there, and
 # for the time of the specimen [s].

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 import ruptfx
 from benchmarks.command_cost import QUICK
 from ruptfx import RuptfxError
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._parts import Parts
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._parts import Parts
 from ruptfx.case import Case, read_case
 from ruptfx.lumped import LumpedModel
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DEMOS = Path(ruptfx.__file__).with_name("demos")
 # A module that draws the pictures of studies, not a run.

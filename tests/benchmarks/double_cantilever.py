@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._cases import case_of, table_of
-from ruptfx.bench import Check, Outcome
-from ruptfx.model import Model
-from ruptfx.recording.edge_sums import EdgeSums
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.run.model import Model
+from ruptfx.run.recording.edge_sums import EdgeSums
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 TABLE = table_of("double_cantilever")
 YOUNG = TABLE["materials"]["default"]["young_modulus"]
@@ -99,7 +99,7 @@ def _locus(distance: np.ndarray) -> np.ndarray:
 
 
 def _draw(found: dict[str, np.ndarray], grows: np.ndarray) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((left, right),) = new_figure(1, 2, 3.0)
     distance, growing = found["distance"], found["distance"][grows]

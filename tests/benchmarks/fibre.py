@@ -25,11 +25,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, fem
-from ruptfx.analysis.fibre import ShearLag
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.results.analysis.fibre import ShearLag
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -230,7 +231,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 def figure(size: float) -> Figure:
     """Draw force against displacement of the four fibres."""
-    from ruptfx.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
+    from ruptfx.results.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
 
     @styled
     def draw() -> Figure:

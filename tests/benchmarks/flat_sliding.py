@@ -11,11 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks._rubbing_blocks import SPEED, Blocks, rub
-from ruptfx import fem
-from ruptfx.bench import Check, Outcome
-from ruptfx.platform import parallel
-from ruptfx.sliding.interface import SlidingInterface
-from ruptfx.state import State
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.bodies.state import State
+from ruptfx.interfaces.sliding.interface import SlidingInterface
+from ruptfx.platform import fem, parallel
 
 DAMPED = {"mass": 3e5, "kelvin_voigt": {"fraction": 0.1}}
 

@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import spearmanr
 
-from ruptfx import fem
-from ruptfx.analysis.slip_events import SlipEvent, slip_events, speed_against_ratio
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 from ruptfx.case import Case, parse_case, read_case, read_toml
 from ruptfx.lumped.spring_block import SpringBlock
-from ruptfx.model import Model
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
+from ruptfx.platform import fem
+from ruptfx.results.analysis.slip_events import SlipEvent, slip_events, speed_against_ratio
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 if TYPE_CHECKING:
     import xarray

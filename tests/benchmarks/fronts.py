@@ -16,20 +16,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, fem
-from ruptfx.analysis import energy_release, fracture
-from ruptfx.analysis.front_fit import COMPONENTS, FrontFit, Trace, fit_front
-from ruptfx.analysis.near_tip import Medium, mode_II, strain_extremes
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.bodies.space.inside import Inside
 from ruptfx.case import Case
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.model import Model
-from ruptfx.space.inside import Inside
+from ruptfx.laws import fracture
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.platform import fem
+from ruptfx.results.analysis import energy_release
+from ruptfx.results.analysis.front_fit import COMPONENTS, FrontFit, Trace, fit_front
+from ruptfx.results.analysis.near_tip import Medium, mode_II, strain_extremes
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 Array = np.ndarray
 
@@ -269,7 +271,7 @@ def _williams(height: float) -> dict[str, float]:
 
 
 def _draw(drawn: list[tuple[str, Passage, FrontFit]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, axes = new_figure(1, len(drawn), 3.4, 3.6 * len(drawn))
     for ax, (label, seen, found) in zip(axes[0], drawn, strict=True):

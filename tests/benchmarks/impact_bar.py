@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._cases import case_of, table_of
-from ruptfx import Table, fem
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,7 +109,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _draw(time: Floats, pressure: Floats) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((axes,),) = new_figure(1, 1, 3, 5)
     axes.plot(time, pressure, lw=0.8, label="two bars, different elements")

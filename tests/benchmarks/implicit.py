@@ -21,18 +21,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import RuptfxError, Table
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._parts import Parts
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._parts import Parts
 from ruptfx.case import Case
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model
 from ruptfx.platform import parallel
 from ruptfx.platform.terminal import console
-from ruptfx.steppers import sync_bodies
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.steppers import sync_bodies
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
-    from ruptfx.state import State
+    from ruptfx.bodies.state import State
+    from ruptfx.platform.fem import MPI
 
 SOURCE = "aim, one core"
 TIMED = 3

@@ -24,12 +24,12 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ruptfx import fem
-from ruptfx.analysis import fracture
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 from ruptfx.case import Case, read_case
-from ruptfx.model import Model
-from ruptfx.simulation import simulate
+from ruptfx.laws import fracture
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 Array = np.ndarray
 

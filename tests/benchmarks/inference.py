@@ -20,17 +20,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.adjoint.gradients import Objective
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import elastic
 from ruptfx.case import Case
-from ruptfx.inference import posterior
-from ruptfx.inference.inversion import Inversion, infer
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.many_runs.inference import posterior
+from ruptfx.many_runs.inference.inversion import Inversion, infer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 SEEDS, WHOLE = 40, 2
 NORMAL, MU_D = 6e6, 0.3
@@ -237,7 +237,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(problems: dict[str, Realisations]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((left, right),) = new_figure(1, 2, 3.0)
     for shift, (name, made) in enumerate(problems.items()):

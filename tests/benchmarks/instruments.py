@@ -24,14 +24,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.analysis import image_correlation as dic
-from ruptfx.analysis.contact_light import contact_light
-from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.fem import MPI
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
+from ruptfx.platform.fem import MPI
+from ruptfx.results.analysis import image_correlation as dic
+from ruptfx.results.analysis.contact_light import contact_light
+from ruptfx.results.analysis.polariscope import Camera, fringe_orders, max_shear
+from ruptfx.results.record import Record
+from ruptfx.run.simulation import simulate
 
 if TYPE_CHECKING:
     import xarray
@@ -311,7 +311,7 @@ def _correlation() -> tuple[list[Check], tuple[np.ndarray, np.ndarray]]:
 
 
 def _draw(line: Line, traces: Traces, hidden: tuple[np.ndarray, np.ndarray]) -> Figure:
-    from ruptfx.figure_style import letter, new_figure
+    from ruptfx.results.figure_style import letter, new_figure
 
     figure, axes = new_figure(2, 2, 5.8)
     disc, across, waves, slip = axes.ravel()

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._cases import case_of, table_of
-from ruptfx import Table, fem, stages
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.model import Model
-from ruptfx.platform import parallel
+from ruptfx.platform import fem, parallel
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -126,7 +127,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _draw(curves: dict[tuple[str, int], tuple[Floats, Floats]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((axes,),) = new_figure(1, 1, 3, 5)
     for number, ((kind, order), (way, force)) in enumerate(curves.items()):

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._broken import Broken, broken, demo, rigid
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 LOW, HIGH, NOTCH = 27e-3, 70e-3, 45e-3  # m
 SOURCE = "Kalthoff and Winkler (1988)"
@@ -59,7 +59,7 @@ def _angle(found: Broken) -> float:
 
 
 def _draw(found: dict[str, list[Broken]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3.4, 4)
     for number, (kind, plates) in enumerate(found.items()):

@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._cases import table_of
-from ruptfx import Table, fem
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 STRIP = table_of("lamb")
 C_P, C_S, RHO = (STRIP["materials"]["default"][name] for name in ("c_p", "c_s", "density"))
@@ -103,7 +104,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(time: np.ndarray, found: np.ndarray, reference: np.ndarray) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, (axes,) = new_figure(1, 2, 3.2, 8, sharey=True)
     for ax, component, name in zip(axes, (0, 1), ("along the surface", "upwards"), strict=True):

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray
 
-from ruptfx.bench import Check, Outcome
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import silent
 from ruptfx.lumped.asperity_population import AsperityPopulation
 from ruptfx.lumped.maxwell_slip import MaxwellSlip, large_number_limit, late_amplitude_law
@@ -31,7 +31,7 @@ from ruptfx.lumped.spring_slider.stability import ModulatedLoad, StabilityDiagra
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 ROUGHNESS = "Baygeldi et al. (2026)"
 CHAIN = "Rubinstein et al. (2011)"
@@ -256,7 +256,7 @@ def asperity_checks() -> list[Check]:
 
 def figure() -> Figure:
     """Draw amplitude against alpha, and mean friction against load amplitude, with the expected numbers."""
-    from ruptfx.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
+    from ruptfx.results.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
 
     @styled
     def draw() -> Figure:

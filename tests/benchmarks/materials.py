@@ -14,26 +14,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import Table, fem
-from ruptfx.bench import Check
+from ruptfx import Table
+from ruptfx.app.bench import Check
+from ruptfx.bodies.initial_stress.depth import Depth
+from ruptfx.bodies.meshes import MeshSource, RawMesh
 from ruptfx.case import Case, read_toml
-from ruptfx.initial_stress.depth import Depth
-from ruptfx.materials._traced import traced
-from ruptfx.materials.continuum_damage import ContinuumDamage
-from ruptfx.materials.drucker_prager import DruckerPrager
-from ruptfx.materials.maxwell import Maxwell
-from ruptfx.materials.prony import Prony
-from ruptfx.materials.standard_linear_solids import StandardLinearSolids
-from ruptfx.materials.von_mises import VonMises
-from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.recording.bulk_fields import BulkFields
+from ruptfx.laws.materials.continuum_damage import ContinuumDamage
+from ruptfx.laws.materials.drucker_prager import DruckerPrager
+from ruptfx.laws.materials.maxwell import Maxwell
+from ruptfx.laws.materials.prony import Prony
+from ruptfx.laws.materials.standard_linear_solids import StandardLinearSolids
+from ruptfx.laws.materials.traced import traced
+from ruptfx.laws.materials.von_mises import VonMises
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
-    from ruptfx.state import State
-    from ruptfx.steppers import Motion
+    from ruptfx.bodies.state import State
+    from ruptfx.platform.fem import MPI
+    from ruptfx.stepping.steppers import Motion
 
 ROCK: Table = {"young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
 SOLID: Table = {
@@ -329,7 +329,7 @@ def anisotropic_speeds(angle: float, comm: MPI.Comm) -> list[tuple[float, float]
     with eigenvalues rho c^2 and eigenvectors p of the Christoffel tensor of the direction (Auld 1973). The column
     starts from rest in that shape, and the projection of the displacement on it changes sign every pi / (k c).
     """
-    from ruptfx.materials._stiffness import christoffel, tangent_stiffness
+    from ruptfx.laws.materials.stiffness import christoffel, tangent_stiffness
 
     size, rows = 1e-3, 4
     k = np.pi / (rows * size)

@@ -14,22 +14,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.platform import launch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 RANKS = (1, 2, 4, 8)
 SLACK = 1.3
 # Largest resident memory [MB] of every rank: after libraries, C code and MPI have been used once, and at the end.
 PROGRAM = """
 import resource, sys
-from ruptfx import fem
-from ruptfx.bench.speed import problem
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.app.bench.speed import problem
+from ruptfx.run.model import Model
 
 def one_step(nodes, comm):
     model = Model(problem(2, 4, "affine", nodes), comm)
@@ -78,7 +78,7 @@ def _measured(ranks: int, nodes: int) -> tuple[float, float, int]:
 
 
 def _draw(nodes: int, largest: list[float]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3, 4)
     ax.loglog(RANKS, largest, "o-", label="measured")

@@ -17,9 +17,10 @@ from pathlib import Path
 import tomli_w
 
 import ruptfx
-from ruptfx import RuptfxError, Table, fem
-from ruptfx.bench import Check, Outcome
-from ruptfx.study import read_study
+from ruptfx import RuptfxError, Table
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.many_runs.study import read_study
+from ruptfx.platform import fem
 
 STUDY = Path(ruptfx.__file__).with_name("demos") / "mode_map.toml"
 CORES, RUNS, AIM = 2, 180, 250.0  # s

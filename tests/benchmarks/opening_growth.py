@@ -1,7 +1,7 @@
 """Mode I growth under uniform tension against the equation of motion of a bilateral crack.
 
 The counterpart of `growth` on a cohesive interface. The energy release of the self-similar crack balances the
-fracture energy: a / a_c = (G F / G*)^2 A_I (`ruptfx.analysis.fracture.half_length_at`), a_c = Gamma E' / (pi sigma^2).
+fracture energy: a / a_c = (G F / G*)^2 A_I (`ruptfx.laws.fracture.half_length_at`), a_c = Gamma E' / (pi sigma^2).
 A crack that opens at once would send out waves of its own. Here Gamma grows linearly from the middle to the half-length
 at which a crack of that Gamma runs at 0.4 c_R, so that it runs that fast from nearly nothing; from there on Gamma is
 uniform and the crack accelerates. A strength of seven times the tension keeps the process zone small; within, it grows
@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.analysis import fracture
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic, rupture
-from ruptfx.bench.burridge_andrews import C_P, C_R, C_S, DENSITY, MODULUS
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import elastic, rupture
+from ruptfx.app.bench.burridge_andrews import C_P, C_R, C_S, DENSITY, MODULUS
+from ruptfx.laws import fracture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 TENSION, STRENGTH, OPENING = 1e6, 7e6, 3e-4  # Pa, Pa, m at failure
 ENERGY = 0.5 * STRENGTH * OPENING
@@ -103,7 +103,7 @@ def front(position: np.ndarray, time: np.ndarray, opening: np.ndarray) -> tuple[
 
 
 def _draw(length: np.ndarray, speed: np.ndarray, inside: np.ndarray) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3.2, 5)
     v = np.linspace(0.01, 0.98, 100) * C_R

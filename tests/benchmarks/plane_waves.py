@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import Rupture, elastic, rupture
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import Rupture, elastic, rupture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 SIGMA, FRICTION, TAU_I = 6e6, 0.2, 1e6
 FAST, SLOW = elastic(2200.0, 1255.0, 1246.0), elastic(1600.0, 900.0, 1100.0)
@@ -119,7 +119,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list, time: np.ndarray, middle: np.ndarray, reference: tuple[np.ndarray, np.ndarray]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((left, right),) = new_figure(1, 2, 3.2, 8)
     for name, when, rate, exact in curves:

@@ -21,15 +21,15 @@ import numpy as np
 
 import ruptfx
 from benchmarks._stuck import added_shear_forces
-from ruptfx import fem
-from ruptfx.analysis.force_drops import averaged, drops
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.bodies.meshes.rough_plates import RoughPlates
 from ruptfx.case import Case, read_case, read_toml
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.meshes.rough_plates import RoughPlates
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
-from ruptfx.sliding.contact_states import SLIDING
+from ruptfx.interfaces.sliding.contact_states import SLIDING
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.platform import fem
+from ruptfx.results.analysis.force_drops import averaged, drops
+from ruptfx.results.record import Record
+from ruptfx.run.simulation import simulate
 
 WINDOW, DROP = 0.6e-6, 0.05  # s that forces are averaged over, and what counts as a drop, over the normal force
 DEMO = Path(ruptfx.__file__).with_name("demos") / "sliding_start.toml"

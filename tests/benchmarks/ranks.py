@@ -12,14 +12,14 @@ import tomli_w
 
 from benchmarks import bimaterial, tpv101, tpv103, tpv205
 from ruptfx import RuptfxError
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import parse_case
 from ruptfx.platform import launch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 TOLERANCE = 1e-9  # round-off, after some hundreds of steps
 
@@ -46,7 +46,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(names: list[str], differences: list[float]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 2.4, 4.5)
     ax.barh(names, np.maximum(differences, 1e-17), height=0.5)

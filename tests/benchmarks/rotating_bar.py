@@ -12,10 +12,11 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks._cases import case_of, table_of
-from ruptfx import Table, fem
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 BAR = table_of("rotating_bar")
 LENGTH, HEIGHT = (BAR["mesh"]["shape"][side] for side in ("width", "height"))

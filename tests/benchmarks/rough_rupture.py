@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ruptfx
-from ruptfx import fem, stages
-from ruptfx.analysis.asperities import Asperity, asperities
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case, read_case
-from ruptfx.model import Model
-from ruptfx.nucleation.friction_drop import FrictionDrop
-from ruptfx.platform import parallel
+from ruptfx.laws.nucleation.friction_drop import FrictionDrop
+from ruptfx.platform import fem, parallel
+from ruptfx.results.analysis.asperities import Asperity, asperities
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,7 +82,7 @@ def _first_point(position: Floats, first: Floats, contact: Asperity) -> float:
 
 
 def _draw(case: Case, patch: FrictionDrop, position: Floats, closed: NDArray[np.bool_], first: Floats) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((axes,),) = new_figure(1, 1, 3, 5)
     for name, color in (("upper", "#1769aa"), ("lower", "#c1440e")):

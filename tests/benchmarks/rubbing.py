@@ -12,9 +12,9 @@ at every update, as the gap of the current surfaces replaces that of the frozen 
 from __future__ import annotations
 
 from benchmarks._rubbing_blocks import Blocks, rub
-from ruptfx import fem
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._parts import ratio
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._parts import ratio
+from ruptfx.platform import fem
 
 SIZES = (0.1e-3, 0.05e-3)
 SPRINGS = {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}

@@ -23,18 +23,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.waves_3d import corner, fixed
-from ruptfx import Table, fem
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import elastic
+from ruptfx.bodies.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.case import Case
-from ruptfx.meshes import FACETS, MeshSource, RawMesh
-from ruptfx.model import Model
-from ruptfx.units import Length
+from ruptfx.input.units import Length
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 Array = np.ndarray
 
@@ -253,7 +254,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(drawn: dict[str, tuple[Array, Array, Array]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, (axes,) = new_figure(1, 3, 3.2, 11)
     for ax, (name, (radius, slip, exact)) in zip(axes, drawn.items(), strict=True):

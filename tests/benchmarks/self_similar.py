@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx.analysis import fracture
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import Rupture, elastic, rupture
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import Rupture, elastic, rupture
+from ruptfx.laws import fracture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 C_S, C_P, DENSITY = 1000.0, np.sqrt(3) * 1000.0, 2000.0
 DROP, SIGMA = 1e6, 10e6
@@ -89,7 +89,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, (axes,) = new_figure(1, 2, 3.2, 8)
     for label, x, slip, exact in curves:

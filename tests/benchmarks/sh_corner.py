@@ -14,16 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, fem
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import elastic
 from ruptfx.case import Case
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 C_P, C_S, RHO = 3464.0, 2000.0, 2000.0
 FREQUENCY, DELAY, DURATION = 10.0, 0.15, 0.75
@@ -112,7 +113,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(drawn: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, (axes,) = new_figure(1, 2, 3.2, 8, sharex=True)
     for ax, (kind, (time, found, reference)) in zip(axes, drawn.items(), strict=True):

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import fem
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
-from ruptfx.mechanisms.sliding import SlidingFaults
-from ruptfx.model import Model
-from ruptfx.sliding.interface import SlidingInterface
+from ruptfx.interfaces.mechanisms.sliding import SlidingFaults
+from ruptfx.interfaces.sliding.interface import SlidingInterface
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 LENGTH, ELEMENTS, HEIGHT = 0.02, 400, 0.02 * 31 / 400
 WAVELENGTH, AMPLITUDE = LENGTH / 8, 1e-6

@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import bimaterial as smooth
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import Rupture, rupture
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import Rupture, rupture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 RATIO = 0.93  # of shear to normal stress; between 0.90 and 0.96, ends of the left front from 0.8 to 2.7 mm
 SPACINGS = (25e-6, 12.5e-6)  # m
@@ -143,7 +143,7 @@ def _slip(result: Rupture, position: float) -> float:
 
 
 def _draw(usual: Rupture, large: Rupture) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, axes = new_figure(2, 2, 5.2, sharex=True)
     for column, (result, patch) in enumerate(((usual, PATCH), (large, LARGE_PATCH))):

@@ -33,13 +33,14 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from benchmarks._stuck import added_shear_forces
-from ruptfx import Table, fem
-from ruptfx.analysis.force_drops import Drop, averaged, drops
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
-from ruptfx.sliding.contact_states import SLIDING
+from ruptfx.interfaces.sliding.contact_states import SLIDING
+from ruptfx.platform import fem
+from ruptfx.results.analysis.force_drops import Drop, averaged, drops
+from ruptfx.results.record import Record
+from ruptfx.run.simulation import simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -379,7 +380,7 @@ def _stiffness(comm: fem.MPI.Comm) -> float:
 
 
 def _draw(paper: Slid, whole: Slid, runs: dict[str, Slid]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, axes = new_figure(2, 1, 6, sharex=True)
     above, below = axes[:, 0]

@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._broken import openings, rigid
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.model import Model
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 YOUNG, DENSITY = 50e9, 2600.0
 SPEED = float(np.sqrt(YOUNG / DENSITY))
@@ -167,7 +167,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(known: Spalled, found: dict[str, Spalled]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((left, right),) = new_figure(1, 2, 2.6, 7)
     left.plot(1e6 * known.time, known.velocity, "k", lw=0.8, label="characteristics")

@@ -18,15 +18,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, fem
-from ruptfx.bench import Check
-from ruptfx.bench._rupture import elastic
+from ruptfx import Table
+from ruptfx.app.bench import Check
+from ruptfx.app.bench._rupture import elastic
 from ruptfx.case import Case
-from ruptfx.materials import Plane
-from ruptfx.model import Model
+from ruptfx.laws.materials import Plane
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 Array = np.ndarray
 

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import rupture
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import rupture
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 PMMA = IsotropicElastic(young_modulus=3.24e9, poisson_ratio=0.35, density=1190.0)
 MODULUS = 3.24e9 / (1 - 0.35**2)  # Pa, without contraction along the strip
@@ -88,7 +88,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list[tuple[str, np.ndarray, np.ndarray]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3.0, 5)
     for name, place, speed in curves:

@@ -19,17 +19,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, fem
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import Rupture, elastic, rupture
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import Rupture, elastic, rupture
 from ruptfx.case import Case
-from ruptfx.fields import MONITORS
-from ruptfx.model import Model
+from ruptfx.input.fields import MONITORS
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DURATION = 8e-6
 STEPS = 160, 320, 2560
@@ -250,7 +251,7 @@ def step_of(run: Rupture) -> float:
 
 
 def _draw(ageing: list[Rupture], slips: list[Rupture]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, (axes,) = new_figure(1, 2, 3.0, 7)
     drawn = ((ageing, 3e3, (0.4, 1.2), "Ageing law"), (slips, 4.5e3, (0.9, 1.5), "Slip law, D_c / V about a step"))

@@ -21,10 +21,10 @@ import ruptfx
 from benchmarks._surfaces import budget, draw, rupture, spacing, symmetry
 from benchmarks.tpv5 import bar
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DEMO = Path(ruptfx.__file__).with_name("demos") / "dipping_3d.toml"
 SLIP = 0.2  # m

@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import Rupture, elastic, rupture
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import Rupture, elastic, rupture
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 LENGTH, HEIGHT = 19e3, 6e3  # m, of the quarter that is modelled: x > 0, y > 0
 C_S = 3464.0
@@ -115,7 +115,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 def draw(runs: list[Rupture]) -> Figure:
     """Draw rupture times and slip-rate histories of the three meshes."""
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((left, right),) = new_figure(1, 2, 3.2, 8)
     for result, style in zip(runs, (":", "--", "-"), strict=True):

@@ -16,8 +16,8 @@ from benchmarks.tpv101 import LAW
 from ruptfx import Table
 
 if TYPE_CHECKING:
-    from ruptfx.bench import Outcome
-    from ruptfx.fem import MPI
+    from ruptfx.app.bench import Outcome
+    from ruptfx.platform.fem import MPI
 
 DURATION = 9.0  # s
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from benchmarks.tpv101 import TAPER, converge, draw, line
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
-from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.laws.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 LAW = {
     "kind": "rate_and_state_flash_heating", "b": 0.014, "D_c": 0.4, "f_0": 0.6, "V_0": 1e-6, "f_w": 0.2,

@@ -19,8 +19,8 @@ from benchmarks.tpv103 import LAW
 from ruptfx import Table
 
 if TYPE_CHECKING:
-    from ruptfx.bench import Outcome
-    from ruptfx.fem import MPI
+    from ruptfx.app.bench import Outcome
+    from ruptfx.platform.fem import MPI
 
 DURATION = 12.0  # s
 PUBLISHED = {

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
+from ruptfx.bodies.meshes import MeshSource, RawMesh
 from ruptfx.case import Case
-from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.model import Model
 from ruptfx.platform import parallel
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DIP = np.pi / 3
 ELASTIC: Table = {"kind": "isotropic_elastic", "density": 2700.0, "c_p": 5716.0, "c_s": 3300.0}

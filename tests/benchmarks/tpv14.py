@@ -27,14 +27,15 @@ import numpy as np
 import ruptfx
 from benchmarks._surfaces import Surface, budget, draw, ruptures, spacing
 from benchmarks.tpv5 import bar
-from ruptfx import Table, fem
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import parse_case
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DEMO = Path(ruptfx.__file__).with_name("demos") / "branched_fault.toml"
 SLIP, D_C = 0.2, 0.4  # m

@@ -15,10 +15,10 @@ import numpy as np
 
 import ruptfx
 from benchmarks._surfaces import Surface, budget, ruptures, spacing
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 
 if TYPE_CHECKING:
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DEMO = Path(ruptfx.__file__).with_name("demos") / "branch_3d.toml"
 SLIP = 0.2  # m

@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import Rupture, elastic, rupture
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.app.bench._rupture import Rupture, elastic, rupture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 HALF = 40e3  # m, half the length of the model
 C_S = 3464.0
@@ -146,7 +146,7 @@ def _convergence(fine: bool) -> Table:
 
 
 def _draw(main: Rupture, arrival: np.ndarray, convergence: Table) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((front, rates, errors),) = new_figure(1, 3, 3.6, 11)
     x = main.position / 1e3

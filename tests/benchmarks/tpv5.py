@@ -26,12 +26,12 @@ import numpy as np
 import ruptfx
 from benchmarks._surfaces import Surface, budget, contours, half_model, rupture, spacing
 from ruptfx import Table
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 DEMO = Path(ruptfx.__file__).with_name("demos") / "strike_slip_3d.toml"
 SLIP = 0.2  # m

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, cast
 from benchmarks._surfaces import half_model
 from benchmarks.tpv5 import DEMO
 from ruptfx import Table
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 from ruptfx.case import parse_case
-from ruptfx.simulation import simulate
+from ruptfx.run.simulation import simulate
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 AIMS = {(800.0, 1): 30.0, (400.0, 1): 180.0, (400.0, 2): 100.0}
 """Seconds of the whole run, by element size of order 4 [m] and number of ranks."""

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks._broken import broken, rigid
-from ruptfx.bench import Check, Outcome
+from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ruptfx.fem import MPI
+    from ruptfx.platform.fem import MPI
 
 BETA, MU = np.deg2rad(60), 0.6
 WIDTH, HEIGHT = 40e-3, 80e-3
@@ -95,7 +95,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list[tuple[str, str, np.ndarray, np.ndarray, float]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, axes = new_figure(1, 2, 3.0, 7)
     for ax, chosen in zip(axes[0], ("intrinsic", "extrinsic"), strict=True):

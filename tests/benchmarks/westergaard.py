@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._cases import case_of, table_of
-from ruptfx import Table, fem, stages
-from ruptfx.bench import Check, Outcome
+from ruptfx import Table
+from ruptfx.app.bench import Check, Outcome
+from ruptfx.bodies.state import State
 from ruptfx.case import Case
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.state import State
+from ruptfx.platform import fem, parallel
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +126,7 @@ def _checks(share: float, x: Floats, weight: Floats, pressure: Floats, kind: str
 
 
 def _draw(found: list[tuple[float, Floats, Floats, Floats]]) -> Figure:
-    from ruptfx.figure_style import new_figure
+    from ruptfx.results.figure_style import new_figure
 
     figure, ((axes,),) = new_figure(1, 1, 3.4, 5)
     fine = np.linspace(0, 0.5 * WAVELENGTH, 400)

@@ -13,25 +13,25 @@ import tomli_w
 from helpers.messages import facts
 from helpers.small_cases import COMPLIANT, SPLIT, friction_laws, merged, slip_weakening, strike_slip
 
+from ruptfx.app.check_law.examples import friction
 from ruptfx.case import Case, parse_case
-from ruptfx.check_law.examples import friction
-from ruptfx.misfits import Sample, Unknown
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.readings.misfits import Sample, Unknown
 
 pytest.importorskip("dolfinx")
 
 from benchmarks import adjoint as bench
 from benchmarks.time_order import CONTACTS, LAWS
-from ruptfx import RuptfxError, fem, gradient
-from ruptfx.adjoint.bodies import value_of
-from ruptfx.adjoint.checkpoints import passed, schedule, split
-from ruptfx.adjoint.figure import draw
-from ruptfx.adjoint.gradients import Objective
-from ruptfx.adjoint.sweeps import Sweeps
-from ruptfx.adjoint.unknowns import perturbed, places
-from ruptfx.instruments._readings import ModelReadings
-from ruptfx.model import Model
-from ruptfx.platform import launch
+from ruptfx import RuptfxError, gradient
+from ruptfx.many_runs.adjoint.bodies import value_of
+from ruptfx.many_runs.adjoint.checkpoints import passed, schedule, split
+from ruptfx.many_runs.adjoint.figure import draw
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.many_runs.adjoint.sweeps import Sweeps
+from ruptfx.many_runs.adjoint.unknowns import perturbed, places
+from ruptfx.platform import fem, launch
+from ruptfx.readings.instruments.model_readings import ModelReadings
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -274,7 +274,7 @@ def test_a_gradient_is_the_same_on_two_ranks_with_a_tenth_of_the_memory() -> Non
     assert bench.of_ranks(2, 0.1) < 1e-10
 
 
-@pytest.mark.parametrize("kind", MISFITS := alternatives("ruptfx.misfits"))
+@pytest.mark.parametrize("kind", MISFITS := alternatives("ruptfx.readings.misfits"))
 def test_every_misfit_has_exact_derivatives(kind: str) -> None:
     """Of its value by its readings, and through a run."""
     import tomllib
@@ -390,14 +390,14 @@ def test_what_cannot_be_differentiated_is_refused_before_the_first_step(
     def refuse(*args: object) -> None:
         raise AssertionError("a step was made")
 
-    monkeypatch.setattr("ruptfx.steppers.leapfrog.LeapfrogMotion.step", refuse)
+    monkeypatch.setattr("ruptfx.stepping.steppers.leapfrog.LeapfrogMotion.step", refuse)
     case = parse_case(slip_weakening({"instruments": [FAULT], **changes}))
     with pytest.raises(RuptfxError, match=facts(message)):
         gradient(case, progress=False)
 
 
 def test_a_law_whose_start_cannot_be_traced_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    cls = alternatives("ruptfx.friction")["linear_slip_weakening"]
+    cls = alternatives("ruptfx.laws.friction")["linear_slip_weakening"]
     monkeypatch.setattr(cls, "initial_state", lambda self, normal, shear, rate: {
         "cumulative_slip": np.array([0.0 if value > 0 else 1.0 for value in normal])})  # fmt: skip
     with pytest.raises(RuptfxError, match="a law acts point by point"):
@@ -586,7 +586,7 @@ def test_the_command_names_unknowns_near_kinks(tmp_path: Path) -> None:
     """With slip weakening points begin to slide a step earlier for 600 Pa more, and the objective has kinks."""
     from typer.testing import CliRunner
 
-    from ruptfx.cli import app
+    from ruptfx.app.cli import app
 
     path = tmp_path / "case.toml"
     keys = ["faults.main.initial_stress.shear", "faults.main.friction.D_c"]

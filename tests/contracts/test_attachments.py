@@ -17,21 +17,20 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 from helpers.units import check_units
 
-from ruptfx import fem
-from ruptfx.attachments.foundation import Ground
+from ruptfx.bodies.spectrum import highest_frequency, springs_of
 from ruptfx.case import Case, parse_case
-from ruptfx.mechanisms import Mechanism
-from ruptfx.mechanisms._check_table import Plan
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.record import Record
-from ruptfx.schema import CaseError, alternatives, unit_of
-from ruptfx.spectrum import highest_frequency, springs_of
+from ruptfx.input.schema import CaseError, alternatives, unit_of
+from ruptfx.interfaces.attachments.foundation import Ground
+from ruptfx.interfaces.mechanisms import Mechanism
+from ruptfx.interfaces.mechanisms.checks.table import Plan
+from ruptfx.platform import fem, parallel
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 COMM = fem.MPI.COMM_WORLD
-ATTACHMENTS = alternatives("ruptfx.attachments")
+ATTACHMENTS = alternatives("ruptfx.interfaces.attachments")
 # Motion that comes to every edge, of both components.
 PUSH = {"kind": "traction", "edge": "upper.right", "traction": [-1e6, 5e5], "ramp": 1e-6}
 every_attachment = pytest.mark.parametrize("kind", ATTACHMENTS)

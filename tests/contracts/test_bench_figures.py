@@ -16,7 +16,7 @@ import xarray
 from helpers.labels import label_faults
 from matplotlib.figure import Figure
 
-from ruptfx.bench import OF_THE_MACHINE, Outcome, benchmarks, module_of
+from ruptfx.app.bench import OF_THE_MACHINE, Outcome, benchmarks, module_of
 
 pytest.importorskip("dolfinx")
 
@@ -40,7 +40,7 @@ NAMES = [name for name, path in FILES.items() if name not in (*OF_THE_MACHINE, *
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
 )
 def test_labels_keep_apart(name: str) -> None:
-    from ruptfx import fem
+    from ruptfx.platform import fem
 
     outcome = module_of(FILES[name]).run(False, fem.MPI.COMM_WORLD)
     assert isinstance(outcome, Outcome) and outcome.draw is not None
@@ -76,9 +76,9 @@ def branching() -> Figure:
 
 def fronts() -> Figure:
     from benchmarks import fronts as bench
-    from ruptfx.analysis.energy_release import Moment
-    from ruptfx.analysis.front_fit import FrontFit, Trace
-    from ruptfx.analysis.near_tip import mode_II
+    from ruptfx.results.analysis.energy_release import Moment
+    from ruptfx.results.analysis.front_fit import FrontFit, Trace
+    from ruptfx.results.analysis.near_tip import mode_II
 
     none = Moment(*[np.zeros(0)] * 6)
     drawn, time = [], np.linspace(0, 60e-6, 200)
@@ -120,7 +120,7 @@ def ranks() -> Figure:
 
 def tpv205() -> Figure:
     from benchmarks import tpv205 as bench
-    from ruptfx.bench._rupture import Rupture
+    from ruptfx.app.bench._rupture import Rupture
 
     position, time = np.linspace(-20e3, 20e3, 401), np.linspace(0, 12, 200)
     arrival = np.abs(position) / 3000

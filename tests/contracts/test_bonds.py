@@ -13,14 +13,14 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx.app.check_law.examples import table
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case
-from ruptfx.check_law.examples import table
-from ruptfx.checks.preflight import preflight
-from ruptfx.contact import ContactMethod
-from ruptfx.fields import ENERGIES
-from ruptfx.model import Model
-from ruptfx.schema import CaseError, alternatives
-from ruptfx.support import overrides
+from ruptfx.case.support import overrides
+from ruptfx.input.fields import ENERGIES
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.laws.contact import ContactMethod
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.fem
 BOND = {"kind": "linear", "f_t": 4e6, "c": 8e6, "G_Ic": 30.0, "G_IIc": 60.0}
 RUBS = {"kind": "coulomb", "mu_d": 0.4}
 STIFF = springs("compliant", 5e12)  # much stiffer than bodies and softening
-METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.explicit}
+METHODS = {kind: cls for kind, cls in alternatives("ruptfx.laws.contact").items() if cls.explicit}
 every_method = pytest.mark.parametrize("contact", [springs(kind, 5e12) for kind in METHODS], ids=METHODS)
 every_implicit_method = pytest.mark.parametrize("contact", [
     pytest.param(springs(kind, 5e12), id=kind) for kind, cls in METHODS.items()
@@ -61,11 +61,11 @@ def lost(energy: dict[str, float]) -> float:
 
 
 @every_method
-@pytest.mark.parametrize("kind", alternatives("ruptfx.cohesion"))
+@pytest.mark.parametrize("kind", alternatives("ruptfx.laws.cohesion"))
 @pytest.mark.parametrize("mode", ["I", "II"])
 def test_breaking_takes_the_fracture_energy_and_nothing_is_lost(contact: dict[str, Any], kind: str, mode: str) -> None:
     """Of one mode over the whole interface: trapezoids in time."""
-    law = table(alternatives("ruptfx.cohesion")[kind]) | BOND | {"kind": kind}
+    law = table(alternatives("ruptfx.laws.cohesion")[kind]) | BOND | {"kind": kind}
     given = bonded(contact, **{
         "boundaries": moved("y" if mode == "I" else "x", 1.0), "faults.main.cohesion": law,
         "stepper.safety": 0.5, "duration": 60e-6,

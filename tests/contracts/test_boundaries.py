@@ -13,17 +13,16 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import fem
-from ruptfx.boundaries._history import Sampled, course
+from ruptfx.bodies.boundaries.histories import Sampled, course
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 COMM = fem.MPI.COMM_WORLD
-BOUNDARIES = alternatives("ruptfx.boundaries")
+BOUNDARIES = alternatives("ruptfx.bodies.boundaries")
 LEAPFROG = {"kind": "leapfrog"}
 IMPLICIT = {"kind": "generalized_alpha", "scheme": "average_acceleration", "courant": 1.0}
 SLOW = {"kind": "quasi_static", "first_step": 1e-6, "largest_step": 1e-6}
@@ -47,7 +46,7 @@ def with_boundary(kind: str, changes: dict[str, Any] | None = None) -> Case:
 
 def takes(stepper: str, kind: str) -> bool:
     """Return whether the steps can have the boundary: those that keep ties, and those with waves."""
-    ties, steps = with_boundary(kind).boundaries[-1].tied_edges is not None, alternatives("ruptfx.steppers")[stepper]
+    ties, steps = with_boundary(kind).boundaries[-1].tied_edges is not None, alternatives("ruptfx.stepping.steppers")[stepper]
     return (not ties or steps.supports_ties) and (not BOUNDARIES[kind].waves or steps.inertia)
 
 

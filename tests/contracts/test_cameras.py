@@ -18,17 +18,17 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import image_correlation
-from ruptfx.analysis.polariscope import Camera as Optics
-from ruptfx.cameras import camera_from
-from ruptfx.cameras.speckles import _mean
+from ruptfx.app.cli import app
+from ruptfx.app.commands.film import _write
 from ruptfx.case import Case, parse_case
-from ruptfx.cli import app
-from ruptfx.commands.film import _write
-from ruptfx.record import Record
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.results.analysis import image_correlation
+from ruptfx.results.analysis.polariscope import Camera as Optics
+from ruptfx.results.cameras import camera_from
+from ruptfx.results.cameras.speckles import _mean
+from ruptfx.results.record import Record
 
-CAMERAS = alternatives("ruptfx.cameras")
+CAMERAS = alternatives("ruptfx.results.cameras")
 every_camera = pytest.mark.parametrize("kind", CAMERAS)
 TIME = np.linspace(0, 60e-6, 7)
 RATE, PIXEL, STRAIN = 1e5, 0.5e-3, 500.0  # 1/s, m, and strain along x per second
@@ -167,7 +167,7 @@ def test_each_has_its_own_name() -> None:
 @pytest.mark.fem
 def test_check_warns_of_snapshots_that_are_too_far_apart() -> None:
     pytest.importorskip("dolfinx")
-    from ruptfx.checks.preflight import _camera_rows
+    from ruptfx.app.checks.preflight import _camera_rows
 
     cases = [with_camera("speckles", duration=1e-5, output={"bulk_interval": interval}) for interval in (1e-6, 5e-6)]
     rows = [next(_camera_rows(case)) for case in cases]

@@ -11,14 +11,14 @@ from helpers.messages import facts
 from pydantic import TypeAdapter
 from scipy.integrate import quad
 
-from ruptfx.check_law import check_law
-from ruptfx.check_law.cohesive import straight_path
-from ruptfx.check_law.examples import table
-from ruptfx.codegen.tracing import derivative, record, symbol, to_numpy
-from ruptfx.cohesion import AnyCohesion, CohesiveLaw
-from ruptfx.schema import CaseError, alternatives, descriptions
+from ruptfx.app.check_law import check_law
+from ruptfx.app.check_law.cohesive import straight_path
+from ruptfx.app.check_law.examples import table
+from ruptfx.input.schema import CaseError, alternatives, descriptions
+from ruptfx.laws.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.platform.codegen.tracing import derivative, record, symbol, to_numpy
 
-LAWS = alternatives("ruptfx.cohesion")
+LAWS = alternatives("ruptfx.laws.cohesion")
 every_law = pytest.mark.parametrize("kind", list(LAWS))
 every_example = pytest.mark.parametrize("seed", [0, 1, 2])
 

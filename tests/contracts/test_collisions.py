@@ -11,14 +11,14 @@ from helpers.crack_cases import meeting_blocks
 pytest.importorskip("dolfinx")
 
 from benchmarks.collisions import NEVER, Flight, pair
+from ruptfx.app.check_law.examples import table
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case
-from ruptfx.check_law.examples import table
-from ruptfx.checks.preflight import preflight
-from ruptfx.collisions._step import MEMORY, _coefficient, _Law
-from ruptfx.friction import FrictionLaw
-from ruptfx.friction.velocity_weakening import VelocityWeakening
-from ruptfx.model import Model
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.collisions.step import MEMORY, _coefficient, _Law
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.friction.velocity_weakening import VelocityWeakening
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -125,7 +125,7 @@ def rub(law: FrictionLaw, coefficient: float | None) -> None:
     np.testing.assert_allclose(-memory["traction"] / load, expected / load, rtol=5e-3, atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", FRICTION := alternatives("ruptfx.friction"))
+@pytest.mark.parametrize("kind", FRICTION := alternatives("ruptfx.laws.friction"))
 def test_cells_rub_with_the_strength_of_every_law(kind: str) -> None:
     """After 3 mm at 5 m/s: that of the law, advanced with the same rate and force, or a refusal that names another."""
     given = {"fracture.default.friction": {"kind": kind, **table(FRICTION[kind])}}

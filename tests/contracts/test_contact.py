@@ -14,24 +14,24 @@ from helpers.messages import facts
 from helpers.reference_step import advance_reference, advance_settled
 from helpers.small_cases import COMPLIANT, HOMALITE, case, friction_laws, march, tilted
 
-from ruptfx.check_law.examples import friction, table
+from ruptfx.app.check_law.examples import friction, table
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.codegen import native
-from ruptfx.contact import Point
-from ruptfx.faults.fault import Fault
-from ruptfx.faults.fault_step import FaultStep, impedances
-from ruptfx.faults.interface import Interface
-from ruptfx.faults.points import Clock
-from ruptfx.friction import FrictionLaw
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.model import Model
-from ruptfx.schema import alternatives
+from ruptfx.input.schema import alternatives
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.fault_step import FaultStep, impedances
+from ruptfx.interfaces.faults.interface import Interface
+from ruptfx.interfaces.faults.points import Clock
+from ruptfx.laws.contact import Point
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.platform.codegen import native
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
-METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.explicit}
+METHODS = {kind: cls for kind, cls in alternatives("ruptfx.laws.contact").items() if cls.explicit}
 every_method = pytest.mark.parametrize("method", METHODS)
 LAWS = friction_laws()
 every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
@@ -144,7 +144,7 @@ def test_compiled_step_with_a_gap(method: str) -> None:
 
 
 @every_method
-@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.cohesion")), ("linear", 3)])
+@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.laws.cohesion")), ("linear", 3)])
 def test_compiled_step_with_cohesion(method: str, kind: str, components: int) -> None:
     """Some points crack from the start; motion tears, closes and shears the others until most have failed."""
     random = np.random.default_rng(13)
@@ -186,7 +186,7 @@ def test_laws_are_vectorized(method: str) -> None:
 
 @every_method
 def test_failure_names_the_point(method: str) -> None:
-    from ruptfx.faults.projection import ProjectionError
+    from ruptfx.interfaces.faults.projection import ProjectionError
 
     random = np.random.default_rng(1)
     fault = a_fault(method, Coulomb(mu_d=0.3), 2, random)
@@ -226,7 +226,7 @@ class Jumps(FrictionLaw):
 
 def test_a_strength_that_jumps_over_the_traction_is_an_error() -> None:
     """By the compiled step and by arrays: the bracket closes at the jump, where the strength is not the traction."""
-    from ruptfx.faults.projection import ProjectionError
+    from ruptfx.interfaces.faults.projection import ProjectionError
 
     # 1e6 Pa and a trial of 0.45e6 Pa; Z of some 1e3 Pa s/m takes next to nothing of it at 1 m/s.
     face = an_interface(2, np.random.default_rng(1))
@@ -247,11 +247,11 @@ def test_a_strength_that_jumps_over_the_traction_is_an_error() -> None:
             step()
 
 
-@pytest.mark.parametrize("method", alternatives("ruptfx.contact"))
+@pytest.mark.parametrize("method", alternatives("ruptfx.laws.contact"))
 def test_trial_is_relieved_as_it_says(method: str) -> None:
     """Opening by `normal_compliance` relieves a unit of normal stress, sliding at V for the step Z V of shear traction:
     as slip of the interface, or of the velocity that the bodies would have."""
-    random, cls = np.random.default_rng(5), alternatives("ruptfx.contact")[method]
+    random, cls = np.random.default_rng(5), alternatives("ruptfx.laws.contact")[method]
     contact = cls.model_validate(table(cls, 0))
     for _ in range(10):
         point = at_point(random)

@@ -16,29 +16,30 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, fem
-from ruptfx.check_law.examples import table
-from ruptfx.cohesion import AnyCohesion, CohesiveLaw
-from ruptfx.cohesion.linear import Linear
-from ruptfx.cracks._step import ENDS
-from ruptfx.fields import ENERGIES
-from ruptfx.model import Model
-from ruptfx.recording.edge_sums import EdgeSums
-from ruptfx.schema import CaseError, alternatives
-from ruptfx.spectrum import stable_time_step
-from ruptfx.state import State
-from ruptfx.steppers import Motion
+from ruptfx import RuptfxError
+from ruptfx.app.check_law.examples import table
+from ruptfx.bodies.spectrum import stable_time_step
+from ruptfx.bodies.state import State
+from ruptfx.input.fields import ENERGIES
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.cracks.step import ENDS
+from ruptfx.laws.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.laws.cohesion.linear import Linear
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
+from ruptfx.run.recording.edge_sums import EdgeSums
+from ruptfx.stepping.steppers import Motion
 
 pytestmark = pytest.mark.fem
-KINDS = list(alternatives("ruptfx.cracks"))
-COHESION = list(alternatives("ruptfx.cohesion"))
+KINDS = list(alternatives("ruptfx.interfaces.cracks"))
+COHESION = list(alternatives("ruptfx.laws.cohesion"))
 PAIR = {"mesh": {"kind": "triangles", "width": 1e-3, "height": 1e-3, "element_size": 1e-3}, "boundaries": []}
 # Lengths of failure of 20 um, as long in both modes, and springs that are 40 um of opening before they yield at most.
 BOND = {"f_t": 4e6, "c": 8e6, "G_Ic": 40.0, "G_IIc": 160.0}
 
 
 def law_of(kind: str) -> CohesiveLaw:
-    values = table(alternatives("ruptfx.cohesion")[kind])
+    values = table(alternatives("ruptfx.laws.cohesion")[kind])
     return TypeAdapter(AnyCohesion).validate_python({"kind": kind, **values, **BOND})
 
 
@@ -271,7 +272,7 @@ def test_strengths_of_facets_are_positive_numbers(key: str, value: Any, said: st
 @pytest.mark.parametrize("kind", COHESION)
 def test_the_elastic_forces_are_those_of_the_weak_form(kind: str) -> None:
     """Of k [u] . [v] on all inner facets, with the quadrature at their ends."""
-    model = Model(case({"fracture.default.cohesion": {**table(alternatives("ruptfx.cohesion")[kind]), "kind": kind,
+    model = Model(case({"fracture.default.cohesion": {**table(alternatives("ruptfx.laws.cohesion")[kind]), "kind": kind,
                                                       **{key: NEVER[key] for key in ("f_t", "c", "G_Ic", "G_IIc")}}}))
     state, ufl = model.initial_state(), fem.ufl
     state.displacement[:] = 1e-6 * np.random.default_rng(0).normal(size=len(state.displacement))

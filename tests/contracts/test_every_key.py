@@ -19,16 +19,16 @@ import pytest
 from helpers.small_cases import COMPLIANT, HOMALITE, merged, required
 
 from ruptfx import RuptfxError
+from ruptfx.app.check_law.examples import choices, flat, folder, number, properties, table
 from ruptfx.case import Case, parse_case
-from ruptfx.check_law.examples import choices, flat, folder, number, properties, table
-from ruptfx.schema import Alternative, CaseError, Part, alternatives, set_key, unit_of
+from ruptfx.input.schema import Alternative, CaseError, Part, alternatives, set_key, unit_of
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import stages
-from ruptfx.model import Model
-from ruptfx.simulation import simulate
-from ruptfx.stopping import StopRules
+from ruptfx.run import stages
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
+from ruptfx.stepping.stopping import StopRules
 
 pytestmark = pytest.mark.fem
 
@@ -91,7 +91,7 @@ NO_VALUE = r"no such|unknown|[Ii]nput should|required"  # refusals of the value 
 
 def base(plane: str, stepper: str) -> dict[str, Any]:
     """Two bodies that slide under a drive and a load, with whatever the stepper has a use for."""
-    steps, upper, lower = alternatives("ruptfx.steppers")[stepper], "upper", "lower"
+    steps, upper, lower = alternatives("ruptfx.stepping.steppers")[stepper], "upper", "lower"
     if plane == "axisymmetric":
         upper, lower = "matrix", "fibre"
     along = "z" if plane == "antiplane" else "x"
@@ -319,10 +319,10 @@ def of_records(key: str) -> bool:
 
 
 PAIRS = [(plane, "leapfrog") for plane in PLANES] + [
-    ("stress", kind) for kind in alternatives("ruptfx.steppers") if kind != "leapfrog"
+    ("stress", kind) for kind in alternatives("ruptfx.stepping.steppers") if kind != "leapfrog"
 ] + [("antiplane", "quasi_dynamic"), ("axisymmetric", "quasi_static")]  # fmt: skip
 
-OTHERS = [pair for pair in product(PLANES, alternatives("ruptfx.steppers")) if pair not in PAIRS]
+OTHERS = [pair for pair in product(PLANES, alternatives("ruptfx.stepping.steppers")) if pair not in PAIRS]
 
 
 @pytest.mark.parametrize("plane, stepper", PAIRS)
@@ -365,8 +365,8 @@ def test_every_key_of_records_in_three_dimensions(tmp_path: Path) -> None:
     assert silent(given, of_records, lambda case: files_of(case, tmp_path / str(next(runs)))) == []
 
 
-@pytest.mark.parametrize("kind", alternatives("ruptfx.attachments"))
+@pytest.mark.parametrize("kind", alternatives("ruptfx.interfaces.attachments"))
 def test_every_key_of_attachments_changes_the_motion_or_is_refused(kind: str) -> None:
-    (each,) = _examples(alternatives("ruptfx.attachments")[kind])[:1]
+    (each,) = _examples(alternatives("ruptfx.interfaces.attachments")[kind])[:1]
     given = merged(base("stress", "leapfrog"), {"attachments": [{"kind": kind, **each}]})
     assert silent(given, lambda key: key.startswith("attachments."), state_after) == []

@@ -19,8 +19,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, QuadMesh
 from matplotlib.image import AxesImage
 
-from ruptfx import RuptfxError, plots
-from ruptfx.record import Record
+from ruptfx import RuptfxError
+from ruptfx.results import plots
+from ruptfx.results.record import Record
 
 Array = np.ndarray
 TIME, POSITION = synthetic.times(121), synthetic.points(40)

@@ -12,10 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from ruptfx import RuptfxError, plots
-from ruptfx.plots import _sheet
-from ruptfx.record import Record, RecordError
-from ruptfx.schema import own_kinds
+from ruptfx import RuptfxError
+from ruptfx.input.schema import own_kinds
+from ruptfx.results import plots
+from ruptfx.results.plots import _sheet
+from ruptfx.results.record import Record, RecordError
 
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
 QUANTITY = r"[fpnµmckMGT]?(?:m|s|yr|g|N|Pa|J|W|K|Hz|rad)[²³]?"
@@ -69,7 +70,7 @@ def records(tmp_path_factory):
 
 
 def test_every_file_is_a_figure():
-    assert set(plots.FIGURES) == set(own_kinds("ruptfx.plots"))
+    assert set(plots.FIGURES) == set(own_kinds("ruptfx.results.plots"))
     assert all(getattr(plots, name) is draw and draw.__doc__ for name, draw in plots.FIGURES.items())
 
 

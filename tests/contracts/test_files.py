@@ -18,12 +18,12 @@ from helpers.small_cases import plates
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
+from ruptfx.app.cli import app
 from ruptfx.case import FOLDERS, parse_case, read_case
-from ruptfx.cli import app
-from ruptfx.input.files import checksum
-from ruptfx.recording import checkpoint
-from ruptfx.results import run_files
-from ruptfx.schema import Part, RunFile, alternatives, descriptions, has_mark
+from ruptfx.input.schema import Part, RunFile, alternatives, descriptions, has_mark
+from ruptfx.platform import run_files
+from ruptfx.platform.files import checksum
+from ruptfx.run.recording import checkpoint
 
 GEO = (Path(__file__).parents[1] / "data" / "two_bodies.geo").read_text()
 MESH = {"kind": "gmsh_file", "file": "mesh.geo", "interfaces": {"main": {"plus": "upper", "minus": "lower"}}}

@@ -13,14 +13,14 @@ from pydantic import TypeAdapter
 from scipy.integrate import simpson
 
 from ruptfx import RuptfxError
-from ruptfx.check_law import figure
-from ruptfx.check_law.checks import CHECKS, missing
-from ruptfx.check_law.examples import friction, holds
-from ruptfx.faults.projection import TracedLaw
-from ruptfx.friction import COMMON, RESERVED, AnyFriction
-from ruptfx.friction._lengths import Breakdown, RateDependence
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.app.check_law import figure
+from ruptfx.app.check_law.checks import CHECKS, missing
+from ruptfx.app.check_law.examples import friction, holds
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.faults.projection import TracedLaw
+from ruptfx.laws.friction import COMMON, RESERVED, AnyFriction
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.laws.friction.lengths import Breakdown, RateDependence
 
 LAWS = friction_laws()
 SEEDS = (0, 1, 2)
@@ -28,9 +28,9 @@ every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(
 every_example = pytest.mark.parametrize("seed", SEEDS)
 
 
-@pytest.mark.parametrize("kind", list(alternatives("ruptfx.friction")))
+@pytest.mark.parametrize("kind", list(alternatives("ruptfx.laws.friction")))
 def test_a_law_says_what_it_is(kind: str) -> None:
-    assert missing(alternatives("ruptfx.friction")[kind]) == []
+    assert missing(alternatives("ruptfx.laws.friction")[kind]) == []
 
 
 @every_law
@@ -40,7 +40,7 @@ def test_labels_of_its_figure_keep_apart(kind: str, wrapped: str | None) -> None
 
 @pytest.mark.parametrize("name", sorted(RESERVED))
 def test_a_law_that_would_overwrite_a_field_of_the_fault_is_refused(name: str) -> None:
-    fields = {"state_fields": {name: "1"}, "__annotations__": {}, "__module__": "ruptfx.friction.some_law"}
+    fields = {"state_fields": {name: "1"}, "__annotations__": {}, "__module__": "ruptfx.laws.friction.some_law"}
     with pytest.raises(
         RuptfxError, match=facts(f"some_law: the state variable '{name}' .* another name in state_fields")
     ):
@@ -50,8 +50,8 @@ def test_a_law_that_would_overwrite_a_field_of_the_fault_is_refused(name: str) -
 @pytest.mark.fem
 def test_what_a_fault_and_its_file_call_their_own_is_reserved(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
-    from ruptfx.simulation import simulate
+    from ruptfx.run.model import Model
+    from ruptfx.run.simulation import simulate
 
     flat = case({"duration": 1e-7})  # Coulomb friction has no state
     with simulate(flat, out=tmp_path / "run", progress=False) as record:
@@ -60,7 +60,7 @@ def test_what_a_fault_and_its_file_call_their_own_is_reserved(tmp_path: Path) ->
     assert set(Model(solid).initial_state().faults["main"]) <= RESERVED
 
 
-WRAPPERS = [kind for kind, cls in alternatives("ruptfx.friction").items() if holds(cls)]
+WRAPPERS = [kind for kind, cls in alternatives("ruptfx.laws.friction").items() if holds(cls)]
 
 
 @pytest.mark.parametrize("outer", WRAPPERS)
@@ -69,7 +69,7 @@ def test_laws_that_hold_each_other_share_no_state(outer: str, inner: str) -> Non
     plain = [kind for kind, wrapped in LAWS if wrapped is None]
     tables = [friction(kind, plain[0]).model_dump(mode="json") for kind in (outer, inner)]
     nested = {**tables[0], "law": tables[1]}
-    laws = alternatives("ruptfx.friction")
+    laws = alternatives("ruptfx.laws.friction")
     shared = laws[outer].state_fields.keys() & laws[inner].state_fields.keys() - COMMON
     # Also where a third law is between them.
     between = next(kind for kind in WRAPPERS if laws[kind].state_fields.keys().isdisjoint(

@@ -11,24 +11,24 @@ from helpers.messages import facts
 from helpers.reference_step import respond_reference
 from helpers.small_cases import HOMALITE, case, friction_laws, memory_friction, smooth_field
 
-from ruptfx.check_law.examples import friction, table
+from ruptfx.app.check_law.examples import friction, table
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.contact._rigid import RigidContact
-from ruptfx.faults import cohesive_interface
-from ruptfx.faults.fault import Fault
-from ruptfx.implicit import ConvergenceError
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.implicit.response import FaultResponse, Response
-from ruptfx.model import Model
+from ruptfx.bodies.state import FaultState
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.faults import cohesive_interface
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.laws.contact._rigid import RigidContact
 from ruptfx.platform import parallel
-from ruptfx.schema import CaseError, alternatives
-from ruptfx.state import FaultState
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.implicit.response import FaultResponse, Response
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
-METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.implicit}
+METHODS = {kind: cls for kind, cls in alternatives("ruptfx.laws.contact").items() if cls.implicit}
 every_method = pytest.mark.parametrize("method", METHODS)
 LAWS = friction_laws()
 every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
@@ -117,7 +117,7 @@ def test_compiled_response_in_antiplane_and_3d(method: str, components: int, kin
 
 
 @every_method
-@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.cohesion")), ("linear", 3),
+@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.laws.cohesion")), ("linear", 3),
                                               ("linear", 1)])  # fmt: skip
 def test_response_with_cohesion(method: str, kind: str, components: int) -> None:
     """Compiled and in arrays, and the tangent against central differences: tearing, closing, sheared, failed points."""
@@ -267,7 +267,7 @@ def test_options_of_the_case_choose_the_solver(options: dict[str, Any]) -> None:
 
 def test_multigrid_solves_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """What large systems get: CG while the tangent is symmetric, GMRES where friction follows pressure."""
-    monkeypatch.setattr("ruptfx.implicit.solvers.DIRECT", {2: 0})
+    monkeypatch.setattr("ruptfx.stepping.implicit.solvers.DIRECT", {2: 0})
     sliding = case({
         "order": 2, "faults.main.friction": {"kind": "coulomb", "mu_d": 0.1},
         "boundaries": [*HELD[:2], {**HELD[2], "traction": [3e6, -1e6]}, {**HELD[0], "edge": "upper.left"}],
@@ -322,7 +322,7 @@ def test_no_equilibrium_says_where_and_changes_nothing() -> None:
     assert np.all(state.displacement == 0) and state.time == 0 and np.all(state.faults["main"]["opening"] == 0)
 
 
-RIGID = [kind for kind, cls in alternatives("ruptfx.contact").items() if issubclass(cls, RigidContact)]
+RIGID = [kind for kind, cls in alternatives("ruptfx.laws.contact").items() if issubclass(cls, RigidContact)]
 
 
 @pytest.mark.parametrize("stepper", ["leapfrog", "generalized_alpha", "quasi_static"])

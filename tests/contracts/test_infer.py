@@ -26,23 +26,23 @@ from helpers.messages import facts
 from helpers.small_cases import merged, slip_weakening, strike_slip
 
 from ruptfx.case import Case, parse_case, read_case
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import RuptfxError, fem, infer, simulate
-from ruptfx.adjoint.gradients import Objective
-from ruptfx.adjoint.unknowns import chosen
-from ruptfx.inference import inversion, posterior, searches
-from ruptfx.inference.evaluations import Evaluation, load_one
-from ruptfx.inference.evaluator import Evaluator
-from ruptfx.inference.figure import _draw_field
-from ruptfx.inference.result import Recovered, Result
-from ruptfx.inference.variables import Variable
-from ruptfx.misfits import Unknown
-from ruptfx.model import Model
-from ruptfx.platform import launch
+from ruptfx import RuptfxError, infer, simulate
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.many_runs.adjoint.unknowns import chosen
+from ruptfx.many_runs.inference import inversion, posterior, searches
+from ruptfx.many_runs.inference.evaluations import Evaluation, load_one
+from ruptfx.many_runs.inference.evaluator import Evaluator
+from ruptfx.many_runs.inference.figure import _draw_field
+from ruptfx.many_runs.inference.result import Recovered, Result
+from ruptfx.many_runs.inference.variables import Variable
+from ruptfx.platform import fem, launch
 from ruptfx.platform.progress import Progress
+from ruptfx.readings.misfits import Unknown
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -568,7 +568,7 @@ def test_what_cannot_be_inferred_is_refused_before_the_first_step(
     def refuse(*args: object) -> None:
         raise AssertionError("a step was made")
 
-    monkeypatch.setattr("ruptfx.steppers.leapfrog.LeapfrogMotion.step", refuse)
+    monkeypatch.setattr("ruptfx.stepping.steppers.leapfrog.LeapfrogMotion.step", refuse)
     receiver = {"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 16e-3}
     table = slip_weakening({"instruments": [receiver], "objective": [TRACE], "unknowns": [NUMBER], **changes})
     with pytest.raises(RuptfxError, match=facts(message)):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from ruptfx.initial_stress import AnyBodyStress, BodyStress, matrices, tractions
-from ruptfx.schema import alternatives
+from ruptfx.bodies.initial_stress import AnyBodyStress, BodyStress, matrices, tractions
+from ruptfx.input.schema import alternatives
 
-KINDS = alternatives("ruptfx.initial_stress")
+KINDS = alternatives("ruptfx.bodies.initial_stress")
 every_kind = pytest.mark.parametrize("kind", KINDS)
 POINTS = np.random.default_rng(5).uniform(-9e3, -1e2, (40, 3))
 

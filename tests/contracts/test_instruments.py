@@ -15,19 +15,20 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 from helpers.units import check_units
 
-from ruptfx import fem, simulate
+from ruptfx import simulate
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
-from ruptfx.record import Record
-from ruptfx.recording.checkpoint import Checkpoint
-from ruptfx.recording.sampling import Samples
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.platform import fem
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.recording.checkpoint import Checkpoint
+from ruptfx.run.recording.sampling import Samples
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 COMM = fem.MPI.COMM_WORLD
-INSTRUMENTS = alternatives("ruptfx.instruments")
-STEPPERS = alternatives("ruptfx.steppers")
+INSTRUMENTS = alternatives("ruptfx.readings.instruments")
+STEPPERS = alternatives("ruptfx.stepping.steppers")
 every_instrument = pytest.mark.parametrize("kind", INSTRUMENTS)
 
 

@@ -16,12 +16,14 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, fem, operators
+from ruptfx import RuptfxError
+from ruptfx.bodies import operators
+from ruptfx.bodies.operators import Bulk, EnergyOperator, Operator
 from ruptfx.case import parse_case
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.model import Model
-from ruptfx.operators import Bulk, EnergyOperator, Operator
-from ruptfx.schema import CaseError, kinds
+from ruptfx.input.schema import CaseError, kinds
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -67,7 +69,7 @@ def turned(given: Bulk, angle: float, strain: float) -> np.ndarray:
     return np.ascontiguousarray(moved @ np.array([[c, s], [-s, c]]) - x).ravel()
 
 
-every = pytest.mark.parametrize("kind", kinds("ruptfx.operators"))
+every = pytest.mark.parametrize("kind", kinds("ruptfx.bodies.operators"))
 ANGLES = [0.0, 0.4, -1.5, 1.6, 3.0, -3.1]
 
 
@@ -164,7 +166,7 @@ def test_an_operator_without_energy_is_refused(monkeypatch: pytest.MonkeyPatch) 
         def __init__(self, bulk: Bulk) -> None:
             pass
 
-    monkeypatch.setattr("ruptfx.operators.ufl_form.UflForm", Force)
+    monkeypatch.setattr("ruptfx.bodies.operators.ufl_form.UflForm", Force)
     with pytest.raises(CaseError, match=facts("operator = 'ufl_form': .*large_rotations needs; use 'matrix_free'")):
         operators.create("ufl_form", bulk())
     operators.create("ufl_form", replace(bulk(), large_rotations=False))

@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
+from ruptfx.input.schema import alternatives
 from ruptfx.lumped import LumpedModel, Progress, read_result, rehearse, silent, simulate
-from ruptfx.schema import alternatives
 
 MODELS = alternatives("ruptfx.lumped")
 # Names of the results of the examples that are no pure numbers, by unit.

@@ -12,27 +12,29 @@ from helpers.messages import facts
 from helpers.small_cases import SPLIT, merged, plates
 from pydantic import TypeAdapter
 
-from ruptfx.check_law.examples import material
+from ruptfx.app.check_law.examples import material
 
 pytest.importorskip("dolfinx")
 
 import ufl
 
-from ruptfx import RuptfxError, fem, operators
+from ruptfx import RuptfxError
+from ruptfx.bodies import operators
+from ruptfx.bodies.operators import Bulk
 from ruptfx.case import parse_case
-from ruptfx.materials import AnyMaterial, Material, Plane
-from ruptfx.materials._stiffness import surface_wave_speed, tangent_stiffness
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.materials.orthotropic_elastic import OrthotropicElastic
-from ruptfx.model import Model
-from ruptfx.operators import Bulk
-from ruptfx.schema import CaseError, alternatives, kinds, unit_of
+from ruptfx.input.schema import CaseError, alternatives, kinds, unit_of
+from ruptfx.laws.materials import AnyMaterial, Material, Plane
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.materials.orthotropic_elastic import OrthotropicElastic
+from ruptfx.laws.materials.stiffness import surface_wave_speed, tangent_stiffness
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
 PLANES: tuple[Plane, ...] = ("stress", "strain", "antiplane", "solid")
 every_plane = pytest.mark.parametrize("plane", PLANES)
-every_material = pytest.mark.parametrize("kind", list(alternatives("ruptfx.materials")))
+every_material = pytest.mark.parametrize("kind", list(alternatives("ruptfx.laws.materials")))
 
 
 def normals(plane: Plane) -> np.ndarray:
@@ -126,7 +128,7 @@ def test_operators_agree(kind: str, plane: Plane) -> None:
     size = (space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts) * space.dofmap.index_map_bs
     u, w = np.random.default_rng(4).normal(size=(2, size))
     found = {}
-    for name in kinds("ruptfx.operators"):
+    for name in kinds("ruptfx.bodies.operators"):
         operator: Any = operators.create(name, bulk)
         found[name], other = np.zeros(size), np.zeros(size)
         operator.add_internal_force(u, found[name])

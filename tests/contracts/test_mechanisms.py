@@ -13,15 +13,16 @@ from helpers.crack_cases import block
 from helpers.crack_cases import case as broken
 from helpers.small_cases import case, march
 
-import ruptfx.steppers.leapfrog as leapfrog
-from ruptfx import spectrum
+import ruptfx.stepping.steppers.leapfrog as leapfrog
+from ruptfx.app.checks import preflight
+from ruptfx.bodies import spectrum
 from ruptfx.case import parse_case
-from ruptfx.checks import cost, preflight
-from ruptfx.mechanisms import Mechanism, kinds, mechanisms_of
-from ruptfx.model import Model
-from ruptfx.recording import checkpoint, recorder
-from ruptfx.recording import mechanisms as records
-from ruptfx.steppers.leapfrog import LeapfrogMotion
+from ruptfx.interfaces.mechanisms import Mechanism, kinds, mechanisms_of
+from ruptfx.run import cost
+from ruptfx.run.model import Model
+from ruptfx.run.recording import checkpoint, recorder
+from ruptfx.run.recording import mechanisms as records
+from ruptfx.stepping.steppers.leapfrog import LeapfrogMotion
 
 pytestmark = pytest.mark.fem
 kinds_before = records.kinds()
@@ -54,7 +55,7 @@ def test_one_class_per_name_in_calling_order() -> None:
     found = kinds()
     assert [each.order for each in found] == sorted(each.order for each in found)
     assert len({each.__name__ for each in found}) == len(found) >= 10
-    assert all(each.__doc__ and each.__module__.startswith("ruptfx.mechanisms.") for each in found)
+    assert all(each.__doc__ and each.__module__.startswith("ruptfx.interfaces.mechanisms.") for each in found)
 
 
 def test_the_stepper_names_none() -> None:

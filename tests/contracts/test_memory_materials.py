@@ -14,41 +14,40 @@ from helpers.small_cases import HOMALITE, plates
 from helpers.whole_runs import whole_and_resumed
 
 from ruptfx import RuptfxError
-from ruptfx.check_law import materials as checks
-from ruptfx.check_law.checks import Broken
-from ruptfx.check_law.examples import tables
-from ruptfx.codegen import native
-from ruptfx.materials import IDENTITY, Material, RecordedState, Tensor
-from ruptfx.materials._tensor import COMPONENTS
-from ruptfx.materials._traced import OF_PLANE, traced
-from ruptfx.materials.continuum_damage import ContinuumDamage
-from ruptfx.materials.drucker_prager import DruckerPrager
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.materials.maxwell import Maxwell
-from ruptfx.materials.mohr_coulomb import MohrCoulomb
-from ruptfx.materials.prony import Prony
-from ruptfx.materials.standard_linear_solids import StandardLinearSolids
-from ruptfx.materials.von_mises import VonMises
-from ruptfx.schema import alternatives
+from ruptfx.app.check_law import materials as checks
+from ruptfx.app.check_law.checks import Broken
+from ruptfx.app.check_law.examples import tables
+from ruptfx.input.schema import alternatives
+from ruptfx.laws.materials import IDENTITY, Material, RecordedState, Tensor
+from ruptfx.laws.materials.continuum_damage import ContinuumDamage
+from ruptfx.laws.materials.drucker_prager import DruckerPrager
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.materials.maxwell import Maxwell
+from ruptfx.laws.materials.mohr_coulomb import MohrCoulomb
+from ruptfx.laws.materials.prony import Prony
+from ruptfx.laws.materials.standard_linear_solids import StandardLinearSolids
+from ruptfx.laws.materials.tensor import COMPONENTS
+from ruptfx.laws.materials.traced import OF_PLANE, traced
+from ruptfx.laws.materials.von_mises import VonMises
+from ruptfx.platform.codegen import native
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
+from ruptfx.bodies.operators import Bulk, matrix_free
+from ruptfx.bodies.operators.matrix_free import MatrixFree
+from ruptfx.bodies.operators.memory_sweep import MemorySweep
 from ruptfx.case import parse_case
-from ruptfx.mechanisms.memory import Memory
-from ruptfx.model import Model
-from ruptfx.operators import Bulk, matrix_free
-from ruptfx.operators._memory import MemorySweep
-from ruptfx.operators.matrix_free import MatrixFree
-from ruptfx.platform import parallel
-from ruptfx.record import Record
-from ruptfx.recording.bulk_fields import BulkFields, recorded_states
+from ruptfx.interfaces.mechanisms.memory import Memory
+from ruptfx.platform import fem, parallel
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields, recorded_states
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 COMM = fem.MPI.COMM_WORLD
 
-KINDS = [kind for kind, cls in alternatives("ruptfx.materials").items() if cls.has_memory()]
+KINDS = [kind for kind, cls in alternatives("ruptfx.laws.materials").items() if cls.has_memory()]
 PUSH = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 20.0, "ramp": 1e-6}
 SLS: dict[str, Any] = {
     **HOMALITE, "kind": "standard_linear_solids", "Q_p": 25.0, "Q_s": 15.0, "lowest_frequency": 5e4,
@@ -61,7 +60,7 @@ DP: dict[str, Any] = {
 
 
 def example(kind: str, seed: int = 0) -> Material:
-    cls = alternatives("ruptfx.materials")[kind]
+    cls = alternatives("ruptfx.laws.materials")[kind]
     made = cls.model_validate(tables(cls, seed + 1, lambda table: None)[seed])
     assert isinstance(made, Material)
     return made
@@ -722,7 +721,7 @@ def test_components_of_a_plane() -> None:
     assert "strain_zz" in law.state and OF_PLANE["stress"] == law.components
 
 
-PRESTRESSED = [kind for kind in KINDS if "initial_stress" in alternatives("ruptfx.materials")[kind].model_fields]
+PRESTRESSED = [kind for kind in KINDS if "initial_stress" in alternatives("ruptfx.laws.materials")[kind].model_fields]
 
 
 @pytest.mark.parametrize("kind", PRESTRESSED)

@@ -18,22 +18,23 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError
+from ruptfx.bodies.meshes import FACETS, MeshSource, RawMesh
+from ruptfx.bodies.meshes._gmsh import session
+from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
+from ruptfx.bodies.meshes.box_with_fault import BoxWithFault
+from ruptfx.bodies.meshes.gmsh_file import GmshFile
+from ruptfx.bodies.meshes.half_plate import HalfPlate
+from ruptfx.bodies.meshes.two_plates import TwoPlates
+from ruptfx.bodies.space.bodies import distribute, named_facets, tied_facets
+from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.case import parse_case
-from ruptfx.faults.interface import Interface, build_interface
-from ruptfx.meshes import FACETS, MeshSource, RawMesh
-from ruptfx.meshes._gmsh import session
-from ruptfx.meshes.block_on_rigid import BlockOnRigid
-from ruptfx.meshes.box_with_fault import BoxWithFault
-from ruptfx.meshes.gmsh_file import GmshFile
-from ruptfx.meshes.half_plate import HalfPlate
-from ruptfx.meshes.two_plates import TwoPlates
-from ruptfx.model import Model
-from ruptfx.schema import CaseError, alternatives
-from ruptfx.sliding import Sliding
-from ruptfx.sliding.interface import build_sliding
-from ruptfx.space.bodies import distribute, named_facets, tied_facets
-from ruptfx.space.nodes import Nodes
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.faults.interface import Interface, build_interface
+from ruptfx.interfaces.sliding import Sliding
+from ruptfx.interfaces.sliding.interface import build_sliding
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -46,7 +47,7 @@ def gmsh(folder: Path, **options: Any) -> GmshFile:
     return GmshFile.model_validate({key: table[key] for key in ("file", "interfaces")})
 
 
-KINDS = alternatives("ruptfx.meshes")
+KINDS = alternatives("ruptfx.bodies.meshes")
 
 
 def example(kind: str) -> Any:

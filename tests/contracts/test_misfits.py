@@ -11,19 +11,19 @@ import xarray
 from helpers.messages import facts
 from helpers.small_cases import slip_weakening
 
-from ruptfx.analysis.modes import classify
 from ruptfx.case import Case, parse_case, read_case
-from ruptfx.misfits.mode_degree import degree_of
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.readings.misfits.mode_degree import degree_of
+from ruptfx.results.analysis.modes import classify
 
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError, gradient, infer
-from ruptfx.adjoint.gradients import Objective
-from ruptfx.adjoint.unknowns import perturbed
-from ruptfx.misfits import Unknown
-from ruptfx.model import Model
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.many_runs.adjoint.unknowns import perturbed
 from ruptfx.platform import launch
+from ruptfx.readings.misfits import Unknown
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -387,7 +387,7 @@ def test_infer_fits_a_spring_slider_and_refuses_other_lumped_models(tmp_path: Pa
         assert [float(found[name]) for name in ("a", "b", "D_c")] == pytest.approx([0.013, 0.026, 0.42e-6], rel=1e-2)
     from typer.testing import CliRunner
 
-    from ruptfx.cli import app
+    from ruptfx.app.cli import app
 
     said = CliRunner().invoke(app, ["infer", str(tmp_path / "steps.toml"), "--out", str(tmp_path / "other")])
     assert said.exit_code != 0 and "cma_es" in " ".join(said.output.split())

@@ -10,13 +10,14 @@ import pytest
 from helpers.small_cases import case, required
 
 from ruptfx.case import Case
-from ruptfx.schema import alternatives
+from ruptfx.input.schema import alternatives
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem, stages
-from ruptfx.fem import MPI
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.platform.fem import MPI
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -32,7 +33,7 @@ def after_a_step(given: Case, freed: list[str]) -> list[weakref.ref[Any]]:
     return [weakref.ref(model), weakref.ref(motion)]
 
 
-@pytest.mark.parametrize("stepper", alternatives("ruptfx.steppers"))
+@pytest.mark.parametrize("stepper", alternatives("ruptfx.stepping.steppers"))
 def test_nothing_keeps_a_model_its_motion_or_a_matrix(stepper: str) -> None:
     freed: list[str] = []
     left = after_a_step(case({"stepper": {"kind": stepper, **required(stepper)}}), freed)

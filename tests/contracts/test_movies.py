@@ -15,9 +15,10 @@ from matplotlib.contour import QuadContourSet
 from PIL import Image
 from scipy.spatial import cKDTree
 
-from ruptfx import RuptfxError, movies
-from ruptfx.record import Record
-from ruptfx.schema import own_kinds
+from ruptfx import RuptfxError
+from ruptfx.input.schema import own_kinds
+from ruptfx.results import movies
+from ruptfx.results.record import Record
 
 TIME, POSITION = synthetic.times(61), synthetic.points(10)
 
@@ -29,7 +30,7 @@ def record(tmp_path_factory):
         yield record
 
 
-@pytest.mark.parametrize("what", own_kinds("ruptfx.movies"))
+@pytest.mark.parametrize("what", own_kinds("ruptfx.results.movies"))
 def test_every_film(what, record, tmp_path):
     told = []
     count = movies.save(record, what, tmp_path / "film.gif", most=4, told=lambda part, text: told.append(part))
@@ -46,7 +47,7 @@ def test_every_film(what, record, tmp_path):
 
 
 @pytest.mark.parametrize("slides", [False, True])
-@pytest.mark.parametrize("what", own_kinds("ruptfx.movies"))
+@pytest.mark.parametrize("what", own_kinds("ruptfx.results.movies"))
 def test_labels_of_a_frame_keep_apart(what, slides, record, tmp_path, monkeypatch):
     made, new = [], movies.new_figure
     monkeypatch.setattr(movies, "new_figure", lambda *shape, **options: made.append(new(*shape, **options)) or made[0])

@@ -13,15 +13,17 @@ pytest.importorskip("dolfinx")
 
 from helpers.bent_meshes import twist
 
-from ruptfx import RuptfxError, fem, operators
-from ruptfx.materials import Material
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.materials.orthotropic_elastic import OrthotropicElastic
-from ruptfx.operators import Bulk, FusedOperator
-from ruptfx.operators.matrix_free import MatrixFree, _tiles
-from ruptfx.operators.ufl_form import UflForm
-from ruptfx.schema import kinds, own_module
-from ruptfx.space.variation import Variation
+from ruptfx import RuptfxError
+from ruptfx.bodies import operators
+from ruptfx.bodies.operators import Bulk, FusedOperator
+from ruptfx.bodies.operators.matrix_free import MatrixFree, _tiles
+from ruptfx.bodies.operators.ufl_form import UflForm
+from ruptfx.bodies.space.variation import Variation
+from ruptfx.input.schema import kinds, own_module
+from ruptfx.laws.materials import Material
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.materials.orthotropic_elastic import OrthotropicElastic
+from ruptfx.platform import fem
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -211,8 +213,8 @@ def name(setting: Setting) -> str:
     return "-".join(part.kind() if isinstance(part, Material) else str(part) for part in setting)
 
 
-fast = pytest.mark.parametrize("kind", [kind for kind in kinds("ruptfx.operators") if kind != "ufl_form"])
-every = pytest.mark.parametrize("kind", kinds("ruptfx.operators"))
+fast = pytest.mark.parametrize("kind", [kind for kind in kinds("ruptfx.bodies.operators") if kind != "ufl_form"])
+every = pytest.mark.parametrize("kind", kinds("ruptfx.bodies.operators"))
 
 
 @every
@@ -292,8 +294,8 @@ def volume(bulk: Bulk, index: int) -> float:
 
 FUSED = [setting for setting in SETTINGS if setting.order <= 4]
 fused = pytest.mark.parametrize("kind", [
-    kind for kind in kinds("ruptfx.operators")
-    if any(hasattr(each, "step_boundary") for each in vars(own_module("ruptfx.operators", kind)).values())
+    kind for kind in kinds("ruptfx.bodies.operators")
+    if any(hasattr(each, "step_boundary") for each in vars(own_module("ruptfx.bodies.operators", kind)).values())
 ])  # fmt: skip
 
 
@@ -305,7 +307,7 @@ def test_fused_step_is_the_plain_step(
 ) -> None:
     # Several blocks and tiles even on these meshes: nodes move on between blocks.
     for constant in ("BLOCK_NODES", "BLOCK_NODES_3D", "TILE_NODES"):
-        monkeypatch.setattr(f"ruptfx.operators.matrix_free.{constant}", 32)
+        monkeypatch.setattr(f"ruptfx.bodies.operators.matrix_free.{constant}", 32)
     make_operator(kind, setting)  # skips what the operator refuses
     bulk = make_bulk(setting)
     operator = operators.create(kind, bulk)
@@ -338,7 +340,7 @@ def test_fused_step_is_the_plain_step(
 def test_elements_follow_one_another_tile_by_tile(
     elements: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ruptfx.operators.matrix_free.TILE_NODES", 200)
+    monkeypatch.setattr("ruptfx.bodies.operators.matrix_free.TILE_NODES", 200)
     meshes = fem.dolfinx.mesh
     corners = [[0.0, 0.0, 0.0], [0.1 * count for count in elements]]
     mesh = meshes.create_box(fem.MPI.COMM_WORLD, corners, list(elements), meshes.CellType.hexahedron)

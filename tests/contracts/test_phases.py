@@ -9,11 +9,11 @@ import pytest
 from helpers.messages import facts
 from pydantic import TypeAdapter, ValidationError
 
-from ruptfx.phases import AnyPhases, Phases
-from ruptfx.phases.voronoi_grains import VoronoiGrains
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.bodies.phases import AnyPhases, Phases
+from ruptfx.bodies.phases.voronoi_grains import VoronoiGrains
+from ruptfx.input.schema import CaseError, alternatives
 
-KINDS = alternatives("ruptfx.phases")
+KINDS = alternatives("ruptfx.bodies.phases")
 every_kind = pytest.mark.parametrize("kind", KINDS)
 SIZE = 0.1e-3
 

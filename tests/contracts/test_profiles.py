@@ -13,11 +13,11 @@ import pytest
 import tomli_w
 from helpers.messages import facts
 
-from ruptfx.faults.initial_stress import InitialStress
-from ruptfx.profiles import evaluate, in_body
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.input.profiles import evaluate, in_body
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.faults.initial_stress import InitialStress
 
-KINDS = {kind: cls for kind, cls in alternatives("ruptfx.profiles").items() if kind != "grid"}
+KINDS = {kind: cls for kind, cls in alternatives("ruptfx.input.profiles").items() if kind != "grid"}
 X = np.linspace(-1.0, 1.0, 41)
 SURFACE = np.stack([X, np.linspace(0.0, 0.6, 41)], axis=1)
 every_kind = pytest.mark.parametrize("kind", KINDS)

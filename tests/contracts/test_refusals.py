@@ -18,7 +18,7 @@ import pytest
 
 import ruptfx
 from ruptfx.case import parse_case
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
 
 PACKAGE = Path(ruptfx.__file__).parent
 DEMOS = Path(__file__).parents[2] / "demos"

@@ -15,24 +15,24 @@ from helpers.messages import facts
 from helpers.reference_sliding import slide_reference
 
 from ruptfx import RuptfxError
+from ruptfx.bodies.operators.geometry import BOX, POINTWISE, _classify
+from ruptfx.bodies.operators.ufl_form import UflForm
+from ruptfx.bodies.spectrum import stable_time_step
+from ruptfx.bodies.state import FaultState
 from ruptfx.case import Case, parse_case
-from ruptfx.contact import ContactMethod
-from ruptfx.mechanisms._nodes import masses_and_dashpots
-from ruptfx.mechanisms.sliding import SlidingFaults
-from ruptfx.model import Model
-from ruptfx.operators._geometry import BOX, POINTWISE, _classify
-from ruptfx.operators.ufl_form import UflForm
-from ruptfx.schema import alternatives
-from ruptfx.sliding.interface import SlidingInterface
-from ruptfx.spectrum import stable_time_step
-from ruptfx.state import FaultState
-from ruptfx.support import overrides
+from ruptfx.case.support import overrides
+from ruptfx.input.schema import alternatives
+from ruptfx.interfaces.mechanisms.sliding import SlidingFaults
+from ruptfx.interfaces.mechanisms.stepped_nodes import masses_and_dashpots
+from ruptfx.interfaces.sliding.interface import SlidingInterface
+from ruptfx.laws.contact import ContactMethod
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
 # Methods that slide by themselves: with equal springs, or with sweeps to round-off.
 CONTACTS: dict[str, dict[str, Any]] = {}
-for kind, cls in alternatives("ruptfx.contact").items():
+for kind, cls in alternatives("ruptfx.laws.contact").items():
     sweeps = {"tolerance": 1e-12, "sweeps": 100} if overrides(cls, ContactMethod, "sweeps_to") else {}
     if cls.explicit and (cls.traction_ends_slip or sweeps):
         CONTACTS[kind] = {**springs(kind, 3e11), **sweeps}
@@ -40,7 +40,7 @@ every_contact = pytest.mark.parametrize("contact", CONTACTS)
 
 
 def is_elastic(contact: str) -> bool:
-    return overrides(alternatives("ruptfx.contact")[contact], ContactMethod, "stiffness")
+    return overrides(alternatives("ruptfx.laws.contact")[contact], ContactMethod, "stiffness")
 
 
 def test_contact_of_both_kinds_slides() -> None:

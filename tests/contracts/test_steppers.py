@@ -14,17 +14,18 @@ from helpers.small_cases import ANY_STEPPER, COMPLIANT, SPLIT, advance, case, ma
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import RuptfxError, spectrum
-from ruptfx.fields import ENERGIES
-from ruptfx.model import Model
-from ruptfx.schema import CaseError, alternatives
-from ruptfx.spectrum import highest_frequency, stable_time_step
-from ruptfx.steppers.leapfrog import LeapfrogMotion, what_limits
-from ruptfx.support import UnsupportedError
+from ruptfx import RuptfxError
+from ruptfx.bodies import spectrum
+from ruptfx.bodies.spectrum import highest_frequency, stable_time_step
+from ruptfx.case.support import UnsupportedError
+from ruptfx.input.fields import ENERGIES
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.run.model import Model
+from ruptfx.stepping.steppers.leapfrog import LeapfrogMotion, what_limits
 
 pytestmark = pytest.mark.fem
 
-KINDS = alternatives("ruptfx.steppers")
+KINDS = alternatives("ruptfx.stepping.steppers")
 # Those whose step can be given, with every scheme they have.
 SCHEMES: list[dict[str, Any]] = [
     {"kind": kind, **({"scheme": scheme} if scheme else {})}
@@ -49,7 +50,7 @@ def with_contacts(schemes: list[dict[str, Any]]) -> list[Any]:
 
 def fits(stepper: dict[str, Any], contact: dict[str, Any]) -> bool:
     """Whether it is the stepper's own method, which no other one replaces."""
-    method = alternatives("ruptfx.contact")[contact["kind"]]
+    method = alternatives("ruptfx.laws.contact")[contact["kind"]]
     return all(getattr(method, way) for way in KINDS[stepper["kind"]].time_schemes)
 
 

@@ -14,24 +14,24 @@ from helpers.messages import facts, facts_of
 from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates, required, strike_slip
 from typer.testing import CliRunner
 
+from ruptfx.app.check_law.examples import table, tables
+from ruptfx.app.cli import app
+from ruptfx.app.reference.support_table import columns, features, judge
 from ruptfx.case import parse_case
-from ruptfx.check_law.examples import table, tables
-from ruptfx.cli import app
-from ruptfx.contact import ContactMethod
-from ruptfx.materials import Plane
-from ruptfx.reference.support_table import columns, features, judge
-from ruptfx.schema import Alternative, CaseError, alternatives, set_key
-from ruptfx.sliding import Sliding
-from ruptfx.support import Change, UnsupportedError, overrides, refusals_of, remedies
+from ruptfx.case.support import Change, UnsupportedError, overrides, refusals_of, remedies
+from ruptfx.input.schema import Alternative, CaseError, alternatives, set_key
+from ruptfx.interfaces.sliding import Sliding
+from ruptfx.laws.contact import ContactMethod
+from ruptfx.laws.materials import Plane
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import stages
-from ruptfx.model import Model
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
-STEPPERS, METHODS = alternatives("ruptfx.steppers"), alternatives("ruptfx.contact")
+STEPPERS, METHODS = alternatives("ruptfx.stepping.steppers"), alternatives("ruptfx.laws.contact")
 STEPS = {kind: {"kind": kind, **required(kind)} for kind in STEPPERS}
 AGEING = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}
 BOND = {"kind": "linear", "f_t": 1e6, "c": 2e6, "G_Ic": 10.0, "G_IIc": 20.0}
@@ -80,11 +80,11 @@ CELLS: list[tuple[str, dict[str, Any]]] = [
     })) for method, stepper, (feature, changes) in product(METHODS, STEPPERS, FEATURES.items())
 ] + [
     (f"{kind}, {stepper}, {feature}", block({"fracture.kind": kind, "stepper": STEPS[stepper], **changes}))
-    for kind, stepper, (feature, changes) in product(alternatives("ruptfx.cracks"), STEPPERS, OF_CRACKS.items())
+    for kind, stepper, (feature, changes) in product(alternatives("ruptfx.interfaces.cracks"), STEPPERS, OF_CRACKS.items())
 ] + [
     (f"{kind} beside {method}", faulted({
         "fracture.kind": kind, "faults.main.contact": {"kind": method, **table(METHODS[method])},
-    })) for kind, method in product(alternatives("ruptfx.cracks"), METHODS)
+    })) for kind, method in product(alternatives("ruptfx.interfaces.cracks"), METHODS)
 ]  # fmt: skip
 
 
@@ -178,14 +178,14 @@ def test_the_table_says_what_cases_are_refused() -> None:
                 assert judged(row, "contact", method) == works, f"{row}, {method}"
     for method, stepper in product(METHODS, STEPPERS):
         assert judged(f"contact {method}", "stepper", stepper) == accepted[f"{method}, {stepper}, plain"]
-    for kind, stepper in product(alternatives("ruptfx.cracks"), STEPPERS):
+    for kind, stepper in product(alternatives("ruptfx.interfaces.cracks"), STEPPERS):
         assert judged(f"fracture {kind}", "stepper", stepper) == accepted[f"{kind}, {stepper}, plain"]
-    for kind, method in product(alternatives("ruptfx.cracks"), METHODS):
+    for kind, method in product(alternatives("ruptfx.interfaces.cracks"), METHODS):
         beside = f"fracture {kind} beside an interface"
         assert judged(beside, "contact", method) == accepted[f"{kind} beside {method}"], f"{kind}, {method}"
     for stepper in STEPPERS:
         assert judged("large rotations", "stepper", stepper) == accepted[f"intrinsic, {stepper}, turning"]
-        for kind in alternatives("ruptfx.cracks"):
+        for kind in alternatives("ruptfx.interfaces.cracks"):
             meeting = f"collisions potential of {kind} facets"
             assert judged(meeting, "stepper", stepper) == accepted[f"{kind}, {stepper}, meeting"]
     assert seen == {True, False}
@@ -202,13 +202,13 @@ def test_contact_of_single_points_is_refused_where_points_depend_on_each_other()
     (refusal,) = refusals_of(beside)
     assert refusal.keys == ("faults.main.contact",) and "neighbouring points depend on each other" in refusal.reason
     kinds = {change.kind for (change,) in remedies(beside, [refusal])}
-    springs = {kind for kind, fracture in alternatives("ruptfx.cracks").items() if not fracture.rigid}
+    springs = {kind for kind, fracture in alternatives("ruptfx.interfaces.cracks").items() if not fracture.rigid}
     assert kinds == {*METHODS, *springs} and "intrinsic" in springs
     sliding = {**{key: cls for key, cls in beside.items() if key != "fracture"}, "faults.main.sliding": Sliding}
     assert [refusal.keys for refusal in refusals_of(sliding)] == [("faults.main.contact",)]
 
 
-@pytest.mark.parametrize("kind", ATTACHMENTS := alternatives("ruptfx.attachments"))
+@pytest.mark.parametrize("kind", ATTACHMENTS := alternatives("ruptfx.interfaces.attachments"))
 def test_the_table_says_with_which_steppers_attachments_are_refused(kind: str) -> None:
     attached = tomllib.loads(f"example = {ATTACHMENTS[kind].example}")["example"]
     found = set()
@@ -222,7 +222,7 @@ def test_the_table_says_with_which_steppers_attachments_are_refused(kind: str) -
 @pytest.mark.parametrize("plane", get_args(Plane))
 def test_the_table_says_in_which_planes_cases_are_refused(plane: str) -> None:
     still = {"plane": plane, "boundaries": []}
-    for kind in alternatives("ruptfx.cracks"):
+    for kind in alternatives("ruptfx.interfaces.cracks"):
         broken = block({"fracture.kind": kind, **still})
         assert judged(f"fracture {kind}", "plane", plane) == is_accepted(broken) == (plane in ("stress", "strain"))
     sliding = plates({**SMALL, "faults.main.contact": COMPLIANT, "faults.main.sliding": {}, **still})
@@ -233,10 +233,10 @@ def test_the_table_says_in_which_planes_cases_are_refused(plane: str) -> None:
     assert judged("cohesive interfaces", "plane", plane) == is_accepted(bonded)
 
 
-@pytest.mark.parametrize("material", MATERIALS := alternatives("ruptfx.materials"))
+@pytest.mark.parametrize("material", MATERIALS := alternatives("ruptfx.laws.materials"))
 def test_the_table_says_of_which_materials_cases_are_refused(material: str) -> None:
     given = {"kind": material, **tables(MATERIALS[material], 1, lambda table: None)[0]}
-    for kind in alternatives("ruptfx.cracks"):
+    for kind in alternatives("ruptfx.interfaces.cracks"):
         broken = block({"fracture.kind": kind, "materials": {"default": given}, "operator": "ufl_form"})
         assert judged(f"fracture {kind}", "material", material) == is_accepted(broken)
         if not is_accepted(broken):

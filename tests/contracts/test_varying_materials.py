@@ -11,22 +11,22 @@ from helpers.crack_cases import block as torn
 from helpers.messages import facts
 from helpers.small_cases import HOMALITE, merged, plates, slip_weakening, strike_slip, unstressed
 
-from ruptfx.profiles import in_body
-from ruptfx.profiles.random import Random
-from ruptfx.schema import CaseError
+from ruptfx.input.profiles import in_body
+from ruptfx.input.profiles.random import Random
+from ruptfx.input.schema import CaseError
 
 pytest.importorskip("dolfinx")
 
 from benchmarks.materials import Block, anisotropic_speeds, column_of_layers, trapped_period
-from ruptfx import fem, operators
-from ruptfx.boundaries._loading import Loads
+from ruptfx.bodies import operators
+from ruptfx.bodies.boundaries.loading import Loads
 from ruptfx.case import Case, parse_case
-from ruptfx.materials._traced import traced
-from ruptfx.materials.drucker_prager import DruckerPrager
-from ruptfx.materials.standard_linear_solids import StandardLinearSolids
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.steppers._radiation import radiation_impedance
+from ruptfx.laws.materials.drucker_prager import DruckerPrager
+from ruptfx.laws.materials.standard_linear_solids import StandardLinearSolids
+from ruptfx.laws.materials.traced import traced
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
+from ruptfx.stepping.steppers._radiation import radiation_impedance
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -283,8 +283,8 @@ def test_a_stress_gauge_has_the_local_stiffness() -> None:
     """A receiver in the stiffer layer: sigma_yy = (lambda + 2 G) e_yy of its place."""
     layers = over("y", kind="layers", boundaries=[0.2], values=[1e9, 4e9])
     model = block({"young_modulus": layers, "poisson_ratio": 0.0}, [], order=2)
-    from ruptfx.instruments._readings import ModelReadings, SensedPoint
-    from ruptfx.space.inside import Inside
+    from ruptfx.bodies.space.inside import Inside
+    from ruptfx.readings.instruments.model_readings import ModelReadings, SensedPoint
 
     u = np.zeros((model.nodes, 2))
     u[:, 1] = 1e-3 * model.coordinates[:, 1]

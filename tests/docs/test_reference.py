@@ -13,8 +13,8 @@ import pytest
 import toml_examples
 from helpers.page_blocks import ROOT, blocks
 
-from ruptfx.reference import describe
-from ruptfx.schema import alternatives
+from ruptfx.app.reference import describe
+from ruptfx.input.schema import alternatives
 
 KINDS = [(topic, name) for topic in (*describe.FOLDERS, "histories") for name in describe.names_of(topic)]
 

@@ -12,7 +12,7 @@ import pytest
 from helpers.browser import Tab, browser, visit
 from helpers.page_blocks import ROOT
 
-from ruptfx.plots import FIGURES
+from ruptfx.results.plots import FIGURES
 
 pytest.importorskip("sphinx")
 pytestmark = [pytest.mark.docs, pytest.mark.xdist_group("site")]
@@ -59,7 +59,7 @@ def test_every_page_opens_and_every_link_leads_to_its_place(site: Path, tmp_path
 
 def test_every_figure_is_in_the_python_reference(site: Path) -> None:
     page = (site / "reference" / "python.html").read_text(encoding="utf-8")
-    assert [name for name in FIGURES if f'id="ruptfx.plots.{name}"' not in page] == []
+    assert [name for name in FIGURES if f'id="ruptfx.results.plots.{name}"' not in page] == []
 
 
 def test_formulas_are_set_and_no_latex_is_left(site: Path) -> None:

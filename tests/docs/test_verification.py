@@ -13,8 +13,8 @@ import pytest
 from helpers.messages import says
 from helpers.page_blocks import ROOT
 
-from ruptfx.bench import Check
-from ruptfx.bench import benchmarks as all_benchmarks
+from ruptfx.app.bench import Check
+from ruptfx.app.bench import benchmarks as all_benchmarks
 
 pytest.importorskip("sphinx")
 PAGES = ROOT / "docs" / "verification"

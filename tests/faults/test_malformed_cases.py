@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 
 from ruptfx import RuptfxError
 from ruptfx.case import override, parse_case, read_case
-from ruptfx.schema import CaseError
-from ruptfx.study.definition import read_study
+from ruptfx.input.schema import CaseError
+from ruptfx.many_runs.study.definition import read_study
 
 DEMOS = Path(__file__).parents[2] / "demos"
 TABLES = {path.name: tomllib.loads(path.read_text()) for path in sorted(DEMOS.glob("*.toml"))}
@@ -224,7 +224,7 @@ def test_signature_of_other_editors_is_skipped(tmp_path):
 )  # fmt: skip
 def test_extreme_numbers(changes):
     pytest.importorskip("dolfinx")
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     with suppress(RuptfxError), np.errstate(all="ignore"):
         list(preflight(parse_case(plates(changes))))

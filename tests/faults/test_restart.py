@@ -25,10 +25,11 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import __version__
 from ruptfx.case import read_case
+from ruptfx.platform import run_files
 from ruptfx.platform.launch import find_mpiexec
-from ruptfx.record import Record
-from ruptfx.recording import checkpoint
-from ruptfx.results import directories, run_files
+from ruptfx.results import directories
+from ruptfx.results.record import Record
+from ruptfx.run.recording import checkpoint
 
 CHANGES = {"output.checkpoint_steps": 25, "output.interface_interval": 0.5e-6, "instruments": INSTRUMENTS}
 LIMIT = 120  # seconds; a deadlock looks like a slow run
@@ -338,7 +339,7 @@ def test_full_disk_is_a_clear_error_and_keeps_the_checkpoint(case_file, referenc
 
     # No file may grow beyond 0.7 MB: writing then fails as on a full disk. Set after MPI has made its own files.
     program = (
-        "import resource, signal, sys; import ruptfx.fem; ruptfx.fem.MPI; from ruptfx.cli import app; "
+        "import resource, signal, sys; import ruptfx.platform.fem; ruptfx.platform.fem.MPI; from ruptfx.app.cli import app; "
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (700_000, 700_000)); "
         "app(sys.argv[1:])"
     )

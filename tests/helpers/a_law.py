@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx.friction import FrictionLaw
-from ruptfx.units import VaryingCoefficient, VaryingLength
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.input.units import VaryingCoefficient, VaryingLength
 
 
 class MyLaw(FrictionLaw):

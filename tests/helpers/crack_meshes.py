@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.meshes.branched_fault import BranchedFault
-from ruptfx.units import Coordinate, Length
+from ruptfx.bodies.meshes import MeshSource, RawMesh
+from ruptfx.bodies.meshes.branched_fault import BranchedFault
+from ruptfx.input.units import Coordinate, Length
 
 
 class Triangles(MeshSource):

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from ruptfx.check_law.examples import table
-from ruptfx.cohesion import AnyCohesion
-from ruptfx.contact import Point
-from ruptfx.faults.fault import Fault
-from ruptfx.faults.interface import Interface, Line
-from ruptfx.schema import alternatives
+from ruptfx.app.check_law.examples import table
+from ruptfx.input.schema import alternatives
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.interface import Interface, Line
+from ruptfx.laws.cohesion import AnyCohesion
+from ruptfx.laws.contact import Point
 
 POINTS = 101  # not a multiple of the points that the C code does at a time
 
@@ -61,9 +61,9 @@ def with_cohesion(fault: Fault, kind: str, compliance: np.ndarray, random: np.ra
     Two components of slip make a path sqrt(2) times as long, which takes as much more energy.
     """
     size = 4e6 * compliance  # of the jumps
-    area = alternatives("ruptfx.cohesion")[kind].area
+    area = alternatives("ruptfx.laws.cohesion")[kind].area
     softer = 6 if fault.contact.traction_ends_slip or fault.contact.implicit else 1  # than springs, however steep
-    values = table(alternatives("ruptfx.cohesion")[kind]) | {
+    values = table(alternatives("ruptfx.laws.cohesion")[kind]) | {
         "kind": kind, "G_Ic": 4e6 * area * size[0] / softer, "c": 3e6 / softer,
         "G_IIc": 16e6 * area * min(size[1], 3e-5) / softer * np.sqrt(fault.interface.tangents),
     }  # fmt: skip

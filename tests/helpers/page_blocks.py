@@ -106,7 +106,7 @@ def _check_part(block: Block) -> None:
     """
     from helpers.small_cases import plates
     from ruptfx.case import Case, parse_case
-    from ruptfx.schema import CaseError
+    from ruptfx.input.schema import CaseError
 
     part = tomllib.loads(block.text)
     if not part.keys() <= Case.model_fields.keys():

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from ruptfx.meshes._lobatto import Basis
-from ruptfx.sliding.mortar import OVERHANG, REACH, SLIVER, Coupling, Mortar, MortarPairing, dual_basis
-from ruptfx.sliding.surface import Floats, Integers, Surface
+from ruptfx.bodies.meshes.lobatto import Basis
+from ruptfx.interfaces.sliding.mortar import OVERHANG, REACH, SLIVER, Coupling, Mortar, MortarPairing, dual_basis
+from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
 
 
 class MortarReference(Mortar):

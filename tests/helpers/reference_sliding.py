@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helpers.reference_step import point, write_back
-from ruptfx.faults.fault import Fault
-from ruptfx.faults.fault_step import impedances
-from ruptfx.faults.interface import Interface
-from ruptfx.faults.points import Clock
-from ruptfx.sliding.interface import SlidingInterface
-from ruptfx.state import FaultState
+from ruptfx.bodies.state import FaultState
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.fault_step import impedances
+from ruptfx.interfaces.faults.interface import Interface
+from ruptfx.interfaces.faults.points import Clock
+from ruptfx.interfaces.sliding.interface import SlidingInterface
 
 Floats = NDArray[np.float64]
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ruptfx.contact import Array, Trial
-from ruptfx.faults.cohesive_interface import DAMAGED, CohesiveStrength
-from ruptfx.faults.fault import Fault
-from ruptfx.faults.fault_step import impedances
-from ruptfx.faults.points import Clock, closed_and_stuck, frictional_power
-from ruptfx.faults.projection import Projected, TracedLaw, project
-from ruptfx.fields import MONITORS, Moment
-from ruptfx.implicit.response import Response
-from ruptfx.state import FaultState
+from ruptfx.bodies.state import FaultState
+from ruptfx.input.fields import MONITORS, Moment
+from ruptfx.interfaces.faults.cohesive_interface import DAMAGED, CohesiveStrength
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.fault_step import impedances
+from ruptfx.interfaces.faults.points import Clock, closed_and_stuck, frictional_power
+from ruptfx.interfaces.faults.projection import Projected, TracedLaw, project
+from ruptfx.laws.contact import Array, Trial
+from ruptfx.stepping.implicit.response import Response
 
 
 @dataclass

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from pydantic import PrivateAttr
 
+from ruptfx.app.check_law.examples import holds, table
+from ruptfx.bodies.meshes import MeshSource
 from ruptfx.case import Case, parse_case
-from ruptfx.check_law.examples import holds, table
-from ruptfx.meshes import MeshSource
-from ruptfx.schema import alternatives, unit_of
+from ruptfx.input.schema import alternatives, unit_of
 
 # The default operator, or the one under test everywhere: RUPTFX_TEST_OPERATOR=ufl_form python -m pytest
 OPERATOR = os.environ.get("RUPTFX_TEST_OPERATOR", "matrix_free")
@@ -31,7 +31,7 @@ SETS = {
 
 def friction_laws() -> list[tuple[str, str | None]]:
     """Return every law of the folder, wrappers around the simplest law and the one with most parameters."""
-    laws = alternatives("ruptfx.friction")
+    laws = alternatives("ruptfx.laws.friction")
     plain = sorted((len(cls.model_fields), kind) for kind, cls in laws.items() if not holds(cls))
     held = [plain[0][1], plain[-1][1]]
     return [(kind, inner) for kind, cls in laws.items() for inner in (held if holds(cls) else [None])]
@@ -164,7 +164,7 @@ def march(
     case: Case, duration: float | None = None, watch: Any = None, comm: Any = None
 ) -> tuple[Any, Any, Any]:
     """Model, motion and state after the duration of the case; `watch(state)` is called after every step."""
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
@@ -290,7 +290,7 @@ class Given(MeshSource):
 
 def wavy_plates(amplitude: float = 4e-4) -> Given:
     """Two plates that meet along a sine; the vertices of both sides coincide."""
-    from ruptfx.meshes.two_plates import TwoPlates
+    from ruptfx.bodies.meshes.two_plates import TwoPlates
 
     raw = TwoPlates(length=12e-3, height=4e-3, element_size=1e-3).build()
     x, y = raw.points.T
@@ -300,7 +300,7 @@ def wavy_plates(amplitude: float = 4e-4) -> Given:
 
 def two_boxes(n: int = 2) -> Given:
     """Two boxes of hexahedra, one on the other, 4 x 3 x 2 mm each."""
-    from ruptfx.meshes import RawMesh
+    from ruptfx.bodies.meshes import RawMesh
 
     def grid(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         axes = np.linspace(0, 4e-3, 2 * n + 1), np.linspace(0, 3e-3, n + 1), z
@@ -340,12 +340,12 @@ def guided(component: str) -> list[dict[str, Any]]:
 
 def required(stepper: str) -> dict[str, Any]:
     """Keys of a stepper that a case must give, with values of an example."""
-    cls = alternatives("ruptfx.steppers")[stepper]
+    cls = alternatives("ruptfx.stepping.steppers")[stepper]
     needed = {name for name, field in cls.model_fields.items() if field.is_required()}
     return {name: value for name, value in (table(cls) if needed else {}).items() if name in needed}
 
 
 def springs(contact: str, stiffness: float) -> dict[str, Any]:
     """A contact method whose springs, if it has any, all have this stiffness."""
-    cls = alternatives("ruptfx.contact")[contact]
+    cls = alternatives("ruptfx.laws.contact")[contact]
     return {"kind": contact, **{name: stiffness for name in cls.model_fields if unit_of(cls, name) == "Pa/m"}}

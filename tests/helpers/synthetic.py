@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 import xarray
 
-from ruptfx.fields import DERIVED, FIELDS, MONITORS
+from ruptfx.input.fields import DERIVED, FIELDS, MONITORS
 
 Array = np.ndarray
 

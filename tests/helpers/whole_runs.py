@@ -20,11 +20,11 @@ from helpers.compare import largest_difference
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
 from ruptfx.case import Case, read_case
+from ruptfx.platform import fem
 from ruptfx.platform.launch import find_mpiexec
-from ruptfx.recording.checkpoint import Checkpoint
-from ruptfx.simulation import simulate
+from ruptfx.run.recording.checkpoint import Checkpoint
+from ruptfx.run.simulation import simulate
 
 starts_jobs = [
     pytest.mark.fem, pytest.mark.mpi,

@@ -10,12 +10,12 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from helpers.crack_cases import case as broken
 from helpers.small_cases import case
 
-import ruptfx.steppers.leapfrog as leapfrog
+import ruptfx.stepping.steppers.leapfrog as leapfrog
 from ruptfx import RuptfxError
-from ruptfx.fem import MPI
-from ruptfx.mechanisms import Mechanism, mechanisms_of
-from ruptfx.model import Model
+from ruptfx.interfaces.mechanisms import Mechanism, mechanisms_of
 from ruptfx.platform import parallel
+from ruptfx.platform.fem import MPI
+from ruptfx.run.model import Model
 
 RANK, STEP, STEPS = 1, 3, 12
 PHASES = ("add_first", "add_with_elements", "add_internal", "add_external", "combine", "before_kick", "after_kick",

@@ -12,10 +12,9 @@ from helpers.small_cases import branched
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
-from ruptfx import fem
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.platform import parallel
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -9,11 +9,11 @@ import pytest
 from helpers.crack_cases import BRITTLE, SOFT, WEAK, block, faulted
 from helpers.whole_runs import run_of, run_on, starts_jobs, stopped, write
 
-from ruptfx import fem
 from ruptfx.case import read_case
-from ruptfx.cracks.extrinsic import Extrinsic
-from ruptfx.record import Record
-from ruptfx.recording.checkpoint import Checkpoint
+from ruptfx.interfaces.cracks.extrinsic import Extrinsic
+from ruptfx.platform import fem
+from ruptfx.results.record import Record
+from ruptfx.run.recording.checkpoint import Checkpoint
 
 pytestmark = starts_jobs
 

@@ -12,16 +12,16 @@ from helpers.small_cases import COMPLIANT, case, memory_friction
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import simulation
 from ruptfx.case import Case
-from ruptfx.fem import MPI
-from ruptfx.implicit import interface_steps
-from ruptfx.implicit.compliance import Factors
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model
 from ruptfx.platform import parallel
-from ruptfx.recording.checkpoint import Checkpoint
-from ruptfx.simulation import Interrupted, simulate
+from ruptfx.platform.fem import MPI
+from ruptfx.run import simulation
+from ruptfx.run.model import Model
+from ruptfx.run.recording.checkpoint import Checkpoint
+from ruptfx.run.simulation import Interrupted, simulate
+from ruptfx.stepping.implicit import interface_steps
+from ruptfx.stepping.implicit.compliance import Factors
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

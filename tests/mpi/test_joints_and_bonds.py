@@ -12,12 +12,12 @@ from helpers.crack_cases import RUBS, WEAK, block
 from helpers.small_cases import HOMALITE, SPLIT, merged, plates
 from helpers.whole_runs import killed, run_of, run_on, starts_jobs, stopped, write
 
-from ruptfx import fem
 from ruptfx.case import read_case
-from ruptfx.faults.cohesive_interface import STATE as BOND
-from ruptfx.record import Record
-from ruptfx.recording.checkpoint import Checkpoint
-from ruptfx.simulation import simulate
+from ruptfx.interfaces.faults.cohesive_interface import STATE as BOND
+from ruptfx.platform import fem
+from ruptfx.results.record import Record
+from ruptfx.run.recording.checkpoint import Checkpoint
+from ruptfx.run.simulation import simulate
 
 pytestmark = starts_jobs
 

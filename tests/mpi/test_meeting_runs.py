@@ -10,11 +10,11 @@ import pytest
 from helpers.crack_cases import meeting_blocks
 from helpers.whole_runs import run_of, run_on, starts_jobs, stopped
 
-from ruptfx import fem
 from ruptfx.case import read_case
-from ruptfx.fields import ENERGIES
-from ruptfx.record import Record
-from ruptfx.recording.checkpoint import Checkpoint
+from ruptfx.input.fields import ENERGIES
+from ruptfx.platform import fem
+from ruptfx.results.record import Record
+from ruptfx.run.recording.checkpoint import Checkpoint
 
 pytestmark = starts_jobs
 

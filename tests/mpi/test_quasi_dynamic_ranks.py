@@ -12,11 +12,10 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import fem
 from ruptfx.case import parse_case
-from ruptfx.implicit import ConvergenceError
-from ruptfx.model import Model
-from ruptfx.platform import parallel
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import ConvergenceError
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -27,22 +27,22 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, fem
-from ruptfx.bench import run_benchmark
+from ruptfx import RuptfxError
+from ruptfx.app.bench import run_benchmark
+from ruptfx.bodies.meshes import MeshSource
+from ruptfx.bodies.meshes.gmsh_file import GmshFile
+from ruptfx.bodies.meshes.two_plates import TwoPlates
+from ruptfx.bodies.space.bodies import distribute
+from ruptfx.bodies.space.nodes import Nodes
+from ruptfx.bodies.spectrum import highest_frequency
 from ruptfx.case import parse_case
-from ruptfx.faults.interface import build_interface
-from ruptfx.faults.projection import ProjectionError
-from ruptfx.meshes import MeshSource
-from ruptfx.meshes.gmsh_file import GmshFile
-from ruptfx.meshes.two_plates import TwoPlates
-from ruptfx.model import Model
-from ruptfx.platform import launch, parallel
-from ruptfx.record import Record
-from ruptfx.schema import CaseError
-from ruptfx.simulation import simulate
-from ruptfx.space.bodies import distribute
-from ruptfx.space.nodes import Nodes
-from ruptfx.spectrum import highest_frequency
+from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.faults.interface import build_interface
+from ruptfx.interfaces.faults.projection import ProjectionError
+from ruptfx.platform import fem, launch, parallel
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -240,7 +240,7 @@ def test_an_existing_directory_is_refused_on_all(shared_tmp_path: Path) -> None:
 
 
 PLUS_RANK = '''"""An example."""
-from ruptfx.bench import Check
+from ruptfx.app.bench import Check
 
 
 def run(fine, comm):
@@ -264,7 +264,7 @@ def test_rank_0_prints_and_saves_a_benchmark_and_decides(shared_tmp_path: Path, 
 @pytest.mark.parametrize("steps", [3, 40])
 def test_an_error_on_one_rank_ends_all(steps: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One interface point has no admissible traction in one step, on one rank: no hang, one message, files kept."""
-    from ruptfx.faults.fault_step import FaultStep
+    from ruptfx.interfaces.faults.fault_step import FaultStep
 
     plain = FaultStep.__call__
 

@@ -15,13 +15,12 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 from helpers.small_cases import impact, slip_weakening
 
-from ruptfx import fem
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.platform import distributed_rows, parallel
-from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.recording.recorder import DiskError
-from ruptfx.simulation import simulate
+from ruptfx.platform import distributed_rows, fem, parallel
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields
+from ruptfx.run.recording.recorder import DiskError
+from ruptfx.run.simulation import simulate
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -20,7 +20,7 @@ from helpers.small_cases import HOMALITE, INSTRUMENTS, blocks, impact, merged, p
 from helpers.whole_runs import finish, start, starts_jobs, write
 
 from ruptfx.platform.launch import find_mpiexec
-from ruptfx.record import Record
+from ruptfx.results.record import Record
 
 pytestmark = starts_jobs
 
@@ -144,8 +144,9 @@ def test_an_error_ends_all_ranks_with_one_message(ranks: int, tmp_path: Path) ->
 
 BUGGY = """
 import sys
-from ruptfx import cli, fem
-from ruptfx.faults import fault_step as fault
+from ruptfx.app import cli
+from ruptfx.platform import fem
+from ruptfx.interfaces.faults import fault_step as fault
 step, comm = fault.FaultStep.__call__, fem.MPI.COMM_WORLD
 def wrong(self, state, displacement, velocity, force, time):
     if comm.rank == comm.size - 1 and time > 8e-6:

@@ -9,7 +9,7 @@ import pytest
 from helpers.crack_cases import joined_bar
 from helpers.whole_runs import run_of, run_on, starts_jobs, stopped
 
-from ruptfx.record import Record
+from ruptfx.results.record import Record
 
 pytestmark = starts_jobs
 SOON = {"kind": "hybrid", "fast_above": 5e-4, "slow_below": 1e-4}  # explicit steps as soon as facets yield

@@ -12,7 +12,7 @@ from helpers.compare import largest_difference
 from helpers.small_cases import strike_slip
 from helpers.whole_runs import finish, kill_all, start, starts_jobs, write
 
-from ruptfx.record import Record
+from ruptfx.results.record import Record
 
 pytestmark = starts_jobs
 

@@ -14,16 +14,16 @@ pytest.importorskip("gmsh")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError
+from ruptfx.bodies.meshes.gmsh_file import GmshFile
+from ruptfx.bodies.space.bodies import distribute
+from ruptfx.bodies.space.edges import Edge
+from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.case import parse_case
-from ruptfx.faults.interface import build_interface
-from ruptfx.meshes.gmsh_file import GmshFile
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.space.bodies import distribute
-from ruptfx.space.edges import Edge
-from ruptfx.space.nodes import Nodes
+from ruptfx.interfaces.faults.interface import build_interface
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

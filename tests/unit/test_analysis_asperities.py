@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ruptfx.analysis.asperities import asperities, first_slip
+from ruptfx.results.analysis.asperities import asperities, first_slip
 
 
 def test_planted_contacts():

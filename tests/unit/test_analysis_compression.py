@@ -14,9 +14,9 @@ import tomli_w
 import xarray
 from helpers.messages import facts
 
-from ruptfx.analysis import summarise
-from ruptfx.analysis.compression import Loading, _slowest, emission_of, fragments, loading
-from ruptfx.record import Record
+from ruptfx.results.analysis import summarise
+from ruptfx.results.analysis.compression import Loading, _slowest, emission_of, fragments, loading
+from ruptfx.results.record import Record
 
 MODULUS, HEIGHT, WIDTH = 50e9, 0.1, 0.05
 ROCK = {"kind": "isotropic_elastic", "young_modulus": MODULUS, "poisson_ratio": 0.25, "density": 2600.0}
@@ -83,7 +83,7 @@ LAMINATE = {"kind": "orthotropic_elastic", "density": 1600.0, "E_1": 60e9, "E_2"
 
 VISCOUS = {**ROCK, "kind": "maxwell", "density": 3200.0, "relaxation_time": 1e-3}
 PLUGIN = '''
-from ruptfx.materials import Material, WaveSpeeds
+from ruptfx.laws.materials import Material, WaveSpeeds
 
 class OfAPlugin(Material):
     """Elastic, with speeds of its own."""

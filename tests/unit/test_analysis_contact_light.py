@@ -6,8 +6,8 @@ from helpers import synthetic
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.contact_light import contact_light, real_contact_area
-from ruptfx.record import Record
+from ruptfx.results.analysis.contact_light import contact_light, real_contact_area
+from ruptfx.results.record import Record
 
 
 def test_area_of_a_known_contact():

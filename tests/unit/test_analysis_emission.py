@@ -7,7 +7,7 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.emission import (
+from ruptfx.results.analysis.emission import (
     Catalogue,
     b_against_completeness,
     b_value,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ruptfx.analysis import energy
+from ruptfx.results.analysis import energy
 
 WORK = np.array([0.0, 10.0, 20.0])
 

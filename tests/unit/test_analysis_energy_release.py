@@ -7,11 +7,11 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import energy_release
-from ruptfx.analysis.fracture import A_II, stress_intensity
-from ruptfx.analysis.near_tip import Medium, Plane2D, mode_II, mode_II_rate
-from ruptfx.materials import Plane
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.fracture import A_II, stress_intensity
+from ruptfx.laws.materials import Plane
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.results.analysis import energy_release
+from ruptfx.results.analysis.near_tip import Medium, Plane2D, mode_II, mode_II_rate
 
 PMMA = IsotropicElastic(young_modulus=5.65e9, poisson_ratio=0.33, density=1180.0)
 ZONE = 0.1e-3  # m

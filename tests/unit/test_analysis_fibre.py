@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.fibre import ShearLag
+from ruptfx.results.analysis.fibre import ShearLag
 
 FIBRE = ShearLag(1e-3, 5e-3, 30e-3, 70e9, 1.2e9)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ruptfx.analysis.force_drops import Drop, averaged, drops, knees
+from ruptfx.results.analysis.force_drops import Drop, averaged, drops, knees
 
 # Ramps of 10 N/m per second that go on with 4 from a knee on, and two drops, of 3 and 5 N/m.
 CORNERS = np.array([[0, 0], [0.6, 6], [1.1, 8], [1.2, 5], [1.6, 9], [2.1, 11], [2.3, 6], [3.0, 13]])

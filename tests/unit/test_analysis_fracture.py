@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ruptfx.analysis import fracture
-from ruptfx.materials import Plane
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws import fracture
+from ruptfx.laws.materials import Plane
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 
 # PMMA, plane strain (Svetlizky, Bayart, Fineberg 2019, review): values at these fractions of c_R.
 PMMA = IsotropicElastic(young_modulus=5.65e9, poisson_ratio=0.33, density=1180.0)

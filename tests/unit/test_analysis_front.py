@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import synthetic
 
-from ruptfx.analysis import front
+from ruptfx.results.analysis import front
 
 TIME, POSITION = synthetic.times(), synthetic.points()
 THRESHOLD = 0.04

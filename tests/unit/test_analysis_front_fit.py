@@ -11,11 +11,11 @@ from helpers.messages import facts
 from xarray import DataArray
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import front_fit
-from ruptfx.analysis.fracture import A_II, stress_intensity
-from ruptfx.analysis.front_fit import FrontFit, Trace, fit_front
-from ruptfx.analysis.near_tip import Medium, mode_II, mode_II_rate
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.fracture import A_II, stress_intensity
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.results.analysis import front_fit
+from ruptfx.results.analysis.front_fit import FrontFit, Trace, fit_front
+from ruptfx.results.analysis.near_tip import Medium, mode_II, mode_II_rate
 
 MEDIUM = Medium.of(IsotropicElastic(young_modulus=5.65e9, poisson_ratio=0.33, density=1180.0), "strain")
 GAMMA, PASSAGE = 2.5, 2e-5

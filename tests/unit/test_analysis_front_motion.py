@@ -9,10 +9,10 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import fracture
-from ruptfx.analysis.front_motion import front_motion, static_stress_intensity
-from ruptfx.analysis.near_tip import Medium
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws import fracture
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.results.analysis.front_motion import front_motion, static_stress_intensity
+from ruptfx.results.analysis.near_tip import Medium
 
 MEDIUM = Medium.of(IsotropicElastic(young_modulus=5.65e9, poisson_ratio=0.33, density=1180.0), "strain")
 DROP, GAMMA = 0.4e6, 2.5

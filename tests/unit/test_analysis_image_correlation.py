@@ -9,8 +9,8 @@ from helpers.messages import facts, says
 from PIL import Image
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import image_correlation as dic
-from ruptfx.record import Record
+from ruptfx.results.analysis import image_correlation as dic
+from ruptfx.results.record import Record
 
 pytest.importorskip("skimage")
 
@@ -129,7 +129,7 @@ def test_subsets_without_their_speckles_are_lost() -> None:
 def test_command(tmp_path, monkeypatch) -> None:
     from typer.testing import CliRunner
 
-    from ruptfx.cli import app
+    from ruptfx.app.cli import app
 
     monkeypatch.chdir(tmp_path)
     image = np.round(dic.speckle(SHAPE, 4.0))

@@ -5,7 +5,7 @@ import pytest
 from helpers import synthetic
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import modes
+from ruptfx.results.analysis import modes
 
 TIME, POSITION = synthetic.times(), synthetic.points()
 SPACING = np.diff(POSITION).max()  # 0.33 mm

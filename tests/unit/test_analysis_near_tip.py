@@ -7,10 +7,10 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import near_tip
-from ruptfx.analysis.fracture import A_II, stress_intensity
-from ruptfx.analysis.near_tip import Medium, mode_II, mode_II_supershear, mode_III
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.fracture import A_II, stress_intensity
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.results.analysis import near_tip
+from ruptfx.results.analysis.near_tip import Medium, mode_II, mode_II_supershear, mode_III
 
 PMMA = IsotropicElastic(young_modulus=5.65e9, poisson_ratio=0.33, density=1180.0)
 MEDIUM = Medium.of(PMMA, "strain")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ruptfx import RuptfxError
-from ruptfx.analysis import photoelasticity as photo
+from ruptfx.results.analysis import photoelasticity as photo
 
 
 def test_principal_difference():

@@ -11,8 +11,8 @@ from helpers import synthetic
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear
-from ruptfx.record import Record
+from ruptfx.results.analysis.polariscope import Camera, fringe_orders, max_shear
+from ruptfx.results.record import Record
 
 TIME = np.linspace(0, 60e-6, 61)
 

@@ -9,9 +9,9 @@ import pytest
 from helpers import synthetic
 from helpers.small_cases import SPLIT, merged, plates
 
-from ruptfx.analysis import modes, summarise
-from ruptfx.analysis.resolution import NOISE, peak_is_resolved, roughness
-from ruptfx.record import Record
+from ruptfx.results.analysis import modes, summarise
+from ruptfx.results.analysis.resolution import NOISE, peak_is_resolved, roughness
+from ruptfx.results.record import Record
 
 TIME, POSITION = synthetic.times(), synthetic.points()
 DEMO = Path(__file__).parents[2] / "demos" / "slip_weakening.toml"
@@ -118,7 +118,7 @@ def test_summary_says_so(tmp_path):
 def run(table, path):
     pytest.importorskip("dolfinx")
     from ruptfx.case import parse_case
-    from ruptfx.simulation import simulate
+    from ruptfx.run.simulation import simulate
 
     return simulate(parse_case({**table, "output": {"figures": False}}), path, progress=False).summary
 

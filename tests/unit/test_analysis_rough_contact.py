@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ruptfx.analysis.rough_contact import full_contact_pressure, rough, waves
+from ruptfx.laws.rough_contact import full_contact_pressure, rough, waves
 
 # Plane strain, 5.3 and 3.392 GPa, nu 0.25: E* = 1 / (0.9375 / 5.3e9 + 0.9375 / 3.392e9).
 MODULUS = 1 / (0.9375 / 5.3e9 + 0.9375 / 3.392e9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray
 
-from ruptfx.analysis.slip_events import slip_events, speed_against_ratio
+from ruptfx.results.analysis.slip_events import slip_events, speed_against_ratio
 
 POINT = np.linspace(0.0, 0.1, 51)
 

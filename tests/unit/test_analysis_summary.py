@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers import synthetic
 
-from ruptfx.analysis import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES, rupture_origin, summarise
-from ruptfx.record import Record
+from ruptfx.results.analysis import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES, rupture_origin, summarise
+from ruptfx.results.record import Record
 
 TIME, POSITION = synthetic.times(), synthetic.points()
 

@@ -5,8 +5,10 @@ import pytest
 import xarray
 from helpers import synthetic
 
-from ruptfx import Record, analysis
-from ruptfx.analysis.surface import (
+from ruptfx import Record
+from ruptfx.app.commands.export import tables
+from ruptfx.results import analysis
+from ruptfx.results.analysis.surface import (
     grid,
     moment_rate,
     radiated_energy,
@@ -14,8 +16,7 @@ from ruptfx.analysis.surface import (
     rupture_velocity,
     stress_drop,
 )
-from ruptfx.analysis.verdict import verdict
-from ruptfx.commands.export import tables
+from ruptfx.results.analysis.verdict import verdict
 
 
 @pytest.mark.parametrize("speed, regime", [(2500.0, 0.0), (5000.0, 1.0)])

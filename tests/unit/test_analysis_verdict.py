@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ruptfx.analysis.verdict import rows, verdict
 from ruptfx.input.quantities import with_prefix
-from ruptfx.plots._strength import closest_to_slip
+from ruptfx.results.analysis.verdict import rows, verdict
+from ruptfx.results.strength import closest_to_slip
 
 CRACK = {
     "mode": "crack", "mode_before_arrest": "crack", "speed_regime": "sub-Rayleigh", "tip_speed": 1000.0,
@@ -70,7 +70,7 @@ def test_what_never_slipped_says_how_near_it_came(monkeypatch: pytest.MonkeyPatc
         "shear_traction": [[1.0, 2.0], [1.5, -3.0]],
     }  # fmt: skip
     data = {name: SimpleNamespace(values=np.array(values)) for name, values in arrays.items()}
-    monkeypatch.setattr("ruptfx.plots._strength.strength", lambda record, rows: np.full((2, 2), 12.0))
+    monkeypatch.setattr("ruptfx.results.strength.strength", lambda record, rows: np.full((2, 2), 12.0))
     record: Any = SimpleNamespace(interface=data)
     assert closest_to_slip(record) == "largest shear traction over strength 0.25 at 3 mm, 2 us"
     data["rupture_time"].values[0] = 1e-6

@@ -11,11 +11,11 @@ import tomli_w
 
 from benchmarks import mode_map
 from ruptfx import RuptfxError
-from ruptfx.bench import Check, speed
-from ruptfx.bench._parts import Parts
-from ruptfx.bench._speed_tables import FIRST, STEPS, aim_rows, phase_table, step_rows
-from ruptfx.bench._timings import fault_case
-from ruptfx.bench._whole_runs import _checks, _phases, _run
+from ruptfx.app.bench import Check, speed
+from ruptfx.app.bench._parts import Parts
+from ruptfx.app.bench._speed_tables import FIRST, STEPS, aim_rows, phase_table, step_rows
+from ruptfx.app.bench._timings import fault_case
+from ruptfx.app.bench._whole_runs import _checks, _phases, _run
 
 
 def test_a_part_that_fails_is_a_failed_check_and_loses_nothing() -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from helpers.messages import says
 
-import ruptfx.bench
+import ruptfx.app.bench
 from ruptfx import RuptfxError
-from ruptfx.bench import CORE, Check, benchmarks, checkout_folder, run_benchmark, verdict
-from ruptfx.bench._parts import ratio
+from ruptfx.app.bench import CORE, Check, benchmarks, checkout_folder, run_benchmark, verdict
+from ruptfx.app.bench._parts import ratio
 from ruptfx.case import Case, read_case
 
 OTHERS = Path(__file__).parents[1] / "benchmarks"
@@ -32,10 +32,10 @@ def known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     for name, result in BENCHMARKS.items():
         (folder / f"{name}.py").write_text(
-            f'"""An example."""\nfrom ruptfx.bench import Check\n\n\ndef run(fine, comm):\n    {result}\n'
+            f'"""An example."""\nfrom ruptfx.app.bench import Check\n\n\ndef run(fine, comm):\n    {result}\n'
         )
     files = {name: folder / f"{name}.py" for name in BENCHMARKS}
-    monkeypatch.setattr(ruptfx.bench, "benchmarks", lambda folder: files)
+    monkeypatch.setattr(ruptfx.app.bench, "benchmarks", lambda folder: files)
     return tmp_path
 
 
@@ -55,7 +55,7 @@ def test_benchmarks_run_at_the_same_time(tmp_path: Path, monkeypatch: pytest.Mon
     # Real ones, of the package and of the checkout: the processes that run them import them by themselves.
     names = ["waves", "plane_waves"]
     files = {name: benchmarks(OTHERS)[name] for name in names}
-    monkeypatch.setattr(ruptfx.bench, "benchmarks", lambda folder: files)
+    monkeypatch.setattr(ruptfx.app.bench, "benchmarks", lambda folder: files)
     found = {}
     for jobs in (1, 2):
         assert run_benchmark("all", as_json=True, out=tmp_path / str(jobs), jobs=jobs)
@@ -115,7 +115,7 @@ def test_the_core_set_imports_nothing_of_the_others() -> None:
 def test_without_a_checkout_a_message_says_where_the_others_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(ruptfx.bench, "checkout_folder", lambda: None)
+    monkeypatch.setattr(ruptfx.app.bench, "checkout_folder", lambda: None)
     with pytest.raises(RuptfxError) as raised:
         run_benchmark("bp1", out=tmp_path)
     assert says("--from tests/benchmarks", str(raised.value))
@@ -138,7 +138,7 @@ def test_a_name_is_in_one_folder_only(tmp_path: Path) -> None:
 
 def test_a_checkout_is_known_by_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some packages install a folder `tests` beside others."""
-    monkeypatch.setattr(ruptfx.bench, "CORE", tmp_path / "ruptfx" / "bench")
+    monkeypatch.setattr(ruptfx.app.bench, "CORE", tmp_path / "ruptfx" / "bench")
     (tmp_path / "tests" / "benchmarks").mkdir(parents=True)
     assert checkout_folder() is None
     (tmp_path / "pyproject.toml").touch()

@@ -12,12 +12,12 @@ import tomli_w
 from helpers.messages import facts, facts_of, says
 from helpers.small_cases import impact, merged, plates
 
+from ruptfx.app.reference.describe import file_schema
 from ruptfx.case import override, parse_case, read_case
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.reference.describe import file_schema
-from ruptfx.schema import CaseError
-from ruptfx.steppers.leapfrog import Leapfrog
-from ruptfx.study import read_study
+from ruptfx.input.schema import CaseError
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.many_runs.study import read_study
+from ruptfx.stepping.steppers.leapfrog import Leapfrog
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos").rglob("*.toml"))
 

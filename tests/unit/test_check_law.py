@@ -10,9 +10,9 @@ from helpers.messages import says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
-from ruptfx.check_law import check_law, cohesive
-from ruptfx.check_law.checks import CHECKS
-from ruptfx.cli import app
+from ruptfx.app.check_law import check_law, cohesive
+from ruptfx.app.check_law.checks import CHECKS
+from ruptfx.app.cli import app
 
 SAID = LAW.replace("    mu_s:", '    formula, source = "mu_s sigma / (1 + slip / L)", "none"\n    mu_s:')
 
@@ -82,7 +82,7 @@ def test_command(tmp_path: Path) -> None:
 COHESIVE = '''
 import numpy as np
 
-from ruptfx.cohesion import CohesiveLaw
+from ruptfx.laws.cohesion import CohesiveLaw
 
 
 class Parabola(CohesiveLaw):

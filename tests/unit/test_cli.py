@@ -22,16 +22,16 @@ from helpers.units import check_units
 from typer.testing import CliRunner, Result
 
 from ruptfx import __version__
+from ruptfx.app.cli import app
+from ruptfx.app.commands.check import engineering, readable
+from ruptfx.app.commands.check import merged as merged_rows
+from ruptfx.app.reference.describe import TOPICS, about, entries, entries_of, keys_of
 from ruptfx.case import Case, FaultCase
-from ruptfx.cli import app
-from ruptfx.commands.check import engineering, readable
-from ruptfx.commands.check import merged as merged_rows
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.mechanisms._check_table import Row
+from ruptfx.input.schema import kinds
+from ruptfx.interfaces.mechanisms.checks.table import Row
+from ruptfx.laws.friction.coulomb import Coulomb
 from ruptfx.platform import launch
-from ruptfx.reference.describe import TOPICS, about, entries, entries_of, keys_of
 from ruptfx.results import summary_fields
-from ruptfx.schema import kinds
 
 ROOT = Path(__file__).parents[2]
 GROUP: Any = typer.main.get_command(app)
@@ -73,8 +73,8 @@ def test_demos_with_a_schema(tmp_path: Path) -> None:
     assert ruptfx("demos", tmp_path / "cases", "--schema").exit_code == 0
     for path in (tmp_path / "cases").glob("*.toml"):
         first, rest = path.read_text().split("\n", 1)
-        assert first == "#:schema ./ruptfx.schema.json" and rest == (ROOT / "demos" / path.name).read_text()
-    assert "friction" in json.loads((tmp_path / "cases" / "ruptfx.schema.json").read_text())["$defs"]
+        assert first == "#:schema ./ruptfx.input.schema.json" and rest == (ROOT / "demos" / path.name).read_text()
+    assert "friction" in json.loads((tmp_path / "cases" / "ruptfx.input.schema.json").read_text())["$defs"]
 
 
 @pytest.mark.parametrize(("asked", "same"), [(["help"], ["--help"]), (["help", "run"], ["run", "--help"])])
@@ -200,7 +200,7 @@ def test_what_the_mesh_refuses(
 
 @pytest.mark.fem
 def test_run_leaves_a_complete_directory(tmp_path: Path, needs_fem: None) -> None:
-    from ruptfx.record import Record
+    from ruptfx.results.record import Record
 
     out = tmp_path / "run"
     result = ruptfx("run", write(tmp_path), "--out", out, "--set", "materials.default.density=1300.0")
@@ -227,9 +227,9 @@ def test_a_law_that_turns_not_a_number(tmp_path: Path, needs_fem: None, monkeypa
     """Stops at once, names point, time and state; what was written stays readable."""
     import numpy as np
 
-    from ruptfx.faults.fault import Fault
-    from ruptfx.friction.linear_slip_weakening import LinearSlipWeakening
-    from ruptfx.record import Record
+    from ruptfx.interfaces.faults.fault import Fault
+    from ruptfx.laws.friction.linear_slip_weakening import LinearSlipWeakening
+    from ruptfx.results.record import Record
 
     monkeypatch.setattr(Fault, "require_strength", lambda self: None)  # it would be refused before the run
     plain = LinearSlipWeakening.strength
@@ -256,8 +256,8 @@ def test_a_law_that_turns_not_a_number(tmp_path: Path, needs_fem: None, monkeypa
 @pytest.mark.fem
 def test_a_motion_that_explodes(tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """The check of the time step switched off: the run stops with place and time, not with a file full of NaN."""
-    from ruptfx import spectrum
-    from ruptfx.record import Record
+    from ruptfx.bodies import spectrum
+    from ruptfx.results.record import Record
 
     real = spectrum.highest_frequency
     monkeypatch.setattr(spectrum, "highest_frequency", lambda *given: 0.5 * real(*given))
@@ -413,8 +413,8 @@ def test_check_looks_beyond_the_overstressed_patch(tmp_path: Path, needs_fem: No
 
 @pytest.mark.fem
 def test_check_counts_points_in_the_process_zone(needs_fem: None) -> None:
+    from ruptfx.app.checks.preflight import preflight
     from ruptfx.case import parse_case
-    from ruptfx.checks.preflight import preflight
 
     rows = {row.quantity: row.value for row in preflight(parse_case(slip_weakening()))}
     # G = 5.3 / 2.7 = 1.963 GPa; plane stress: G* = 1.35 G = 2.65 GPa; D_c = 5 um, drop (0.6 - 0.3) x 6 = 1.8 MPa:
@@ -448,8 +448,8 @@ def test_help_of_a_command(name: str) -> None:
 
 
 def test_the_tab_key_offers_names() -> None:
-    from ruptfx.commands import bench, describe, movie, new
-    from ruptfx.commands._shared import completed_from
+    from ruptfx.app.commands import bench, describe, movie, new
+    from ruptfx.app.commands._shared import completed_from
 
     assert completed_from(describe.topics)("fr") == ["friction"]
     assert "impact" in completed_from(new.cases)("") and "mode_map" not in new.cases()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from ruptfx.space import closest as module
-from ruptfx.space.closest import closest
+from ruptfx.bodies.space import closest as module
+from ruptfx.bodies.space.closest import closest
 
 
 def grid(dim: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from ruptfx.codegen import native
+from ruptfx.platform.codegen import native
 
 REST = np.array([0.8, 1.3])
 MODULUS = 3.0
@@ -18,7 +18,7 @@ class Pair:
     """The compiled functions for one pair of triangles, corners x of shape (2, 6)."""
 
     def __init__(self, friction: float = 0.0) -> None:
-        parts = "faults/return_map.c", "collisions/collide.c"
+        parts = "interfaces/faults/return_map.c", "interfaces/collisions/collide.c"
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
         self.library = native.load("collide", source)
         self.pair, self.one = np.array([[0, 1]], dtype=np.int32), np.ones(1)

@@ -22,13 +22,13 @@ from helpers.small_cases import merged, plates, strike_slip
 from matplotlib.image import imread
 from typer.testing import CliRunner, Result
 
-from ruptfx.analysis.emission import read_catalogue
-from ruptfx.cli import app
-from ruptfx.commands._shared import keys, runs_and_files
-from ruptfx.commands._shared import runs as run_directories
-from ruptfx.commands.compare import is_noise, overlay
-from ruptfx.commands.new import cases
-from ruptfx.record import Record
+from ruptfx.app.cli import app
+from ruptfx.app.commands._shared import keys, runs_and_files
+from ruptfx.app.commands._shared import runs as run_directories
+from ruptfx.app.commands.compare import is_noise, overlay
+from ruptfx.app.commands.new import cases
+from ruptfx.results.analysis.emission import read_catalogue
+from ruptfx.results.record import Record
 
 ROOT = Path(__file__).parents[2]
 fem = pytest.mark.fem
@@ -130,8 +130,8 @@ def test_new_with_a_material_for_each_body(tmp_path: Path) -> None:
 @fem
 @pytest.mark.parametrize("demo", ["gmsh", "antiplane", "rate_state"])
 def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None:
+    from ruptfx.app.drawing.mesh_drawing import draw
     from ruptfx.case import read_case
-    from ruptfx.drawing.mesh_drawing import draw
 
     pytest.importorskip("gmsh")
     coarse = [] if demo == "gmsh" else ["mesh.element_size=2000.0"]
@@ -162,8 +162,8 @@ def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None
 @pytest.mark.parametrize("dip", [90.0, 60.0])
 def test_mesh_of_a_solid_has_a_map_of_its_surface(dip: float) -> None:
     """Elements of 1 mm on a fault of 12 mm x 8 mm, with 3.7 MPa in a square and 2.8 MPa elsewhere."""
+    from ruptfx.app.drawing.mesh_drawing import draw
     from ruptfx.case import parse_case
-    from ruptfx.drawing.mesh_drawing import draw
 
     figure = draw(parse_case(strike_slip({"mesh.dip": dip})))
     solid, surface = figure.axes[:2]
@@ -271,7 +271,7 @@ def test_figures_without_data_in_a_part_of_the_run_are_skipped(pushed: Path) -> 
 
 def test_a_part_of_a_record_has_its_times_and_values(pushed: Path) -> None:
     """All histories, and the axis of the figure; the whole record stays as it is."""
-    from ruptfx import plots
+    from ruptfx.results import plots
 
     with Record(pushed) as whole, whole.between(2e-6, 3e-6) as part:
         times = whole.interface.time.values
@@ -443,9 +443,9 @@ def test_resume_of_a_lumped_model_says_what_it_does(tmp_path: Path) -> None:
 def test_new_with_a_schema(tmp_path: Path) -> None:
     assert ruptfx("new", tmp_path / "mine", "--schema").exit_code == 0
     first, rest = (tmp_path / "mine.toml").read_text().split("\n", 1)
-    assert first == "#:schema ./ruptfx.schema.json" and rest.startswith("# Shear impact")
+    assert first == "#:schema ./ruptfx.input.schema.json" and rest.startswith("# Shear impact")
     printed = json.loads(ruptfx("describe", "--schema").output)
-    assert json.loads((tmp_path / "ruptfx.schema.json").read_text()) == printed
+    assert json.loads((tmp_path / "ruptfx.input.schema.json").read_text()) == printed
     assert ruptfx("new", tmp_path / "other").exit_code == 0
     assert (tmp_path / "other.toml").read_text().replace("other", "mine") == rest
 

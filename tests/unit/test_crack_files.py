@@ -14,8 +14,8 @@ from helpers.crack_cases import RUBS, WEAK, case
 from helpers.units import check_units
 
 from ruptfx import simulate
-from ruptfx.record import Record
-from ruptfx.recording.crack_files import CrackFiles, events
+from ruptfx.results.record import Record
+from ruptfx.run.recording.crack_files import CrackFiles, events
 
 pytestmark = pytest.mark.fem
 

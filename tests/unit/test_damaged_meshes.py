@@ -17,8 +17,8 @@ pytest.importorskip("meshio")
 import meshio
 
 from ruptfx import RuptfxError
-from ruptfx.cli import app
-from ruptfx.meshes.gmsh_file import GmshFile
+from ruptfx.app.cli import app
+from ruptfx.bodies.meshes.gmsh_file import GmshFile
 
 SIDES = {"main": {"plus": "upper", "minus": "lower"}}
 

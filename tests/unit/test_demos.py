@@ -8,9 +8,9 @@ import pytest
 from helpers import synthetic
 
 import ruptfx
-from ruptfx import plots
-from ruptfx.analysis import summarise
-from ruptfx.record import Record
+from ruptfx.results import plots
+from ruptfx.results.analysis import summarise
+from ruptfx.results.record import Record
 
 DEMOS = Path(__file__).parents[2] / "demos"
 TIME, POSITION = synthetic.times(), synthetic.points()
@@ -41,7 +41,7 @@ def test_shear_impact_tells_a_speed_only_where_there_is_one(field, said, tmp_pat
 def test_stress_barrier_follows_the_equation_of_motion_and_stops(tmp_path, monkeypatch):
     """The script itself, on elements twice as large, and shorter. Found: 0.03, 0.04 c_R, stops 0.4 mm away."""
     pytest.importorskip("dolfinx")
-    from ruptfx.bench import stress_barrier
+    from ruptfx.app.bench import stress_barrier
 
     read, coarse = stress_barrier.read_case, ["mesh.element_size=2e-3", "mesh.growth=1.3", "duration=65e-6"]
     monkeypatch.setattr(stress_barrier, "read_case", lambda path, overrides: read(path, [*overrides, *coarse]))

@@ -21,13 +21,13 @@ from typer.testing import CliRunner
 
 import ruptfx
 from ruptfx import lumped
-from ruptfx.bench import run_benchmark
+from ruptfx.app.bench import run_benchmark
+from ruptfx.app.check_law import Report, check_law
+from ruptfx.app.reference.describe import FOLDERS
 from ruptfx.case import parse_case, read_case
-from ruptfx.check_law import Report, check_law
-from ruptfx.materials import Plane
-from ruptfx.record import Record
-from ruptfx.reference.describe import FOLDERS
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.laws.materials import Plane
+from ruptfx.results.record import Record
 
 PACKAGE = Path(ruptfx.__file__).parent
 PAGE = (Path(__file__).parents[2] / "DESIGN.md").read_text(encoding="utf-8")
@@ -86,7 +86,7 @@ def executed(title: str) -> dict[str, Any]:
 
 
 def run(case: Any, out: Path) -> Record:
-    from ruptfx.simulation import simulate
+    from ruptfx.run.simulation import simulate
 
     return simulate(case, out, progress=False)
 
@@ -233,7 +233,7 @@ def test_fracture(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     from helpers.crack_cases import case
 
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     table = case({"duration": 2e-6}).table()
     table["fracture"] = {"kind": "even_springs", "spring": 3e14, "default": table["fracture"]["default"]}
@@ -261,7 +261,7 @@ def test_contact_method(tmp_path: Path) -> None:
 def test_nucleation(tmp_path: Path) -> None:
     """Half of the push after half of the rise."""
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     push = {"kind": "ramped_push", "extra": 2e6, "rise": 4e-6}
     model = Model(in_a_case(tmp_path, "Nucleation", plates({"faults.main.nucleation": [push]})))
@@ -274,7 +274,7 @@ def test_material(plane: Plane, tmp_path: Path) -> None:
     """Waves and forces are those of `isotropic_elastic` with E = G (3 lambda + 2 G) / (lambda + G) and
     nu = lambda / (2 (lambda + G)): lambda = G = 2 GPa is E = 5 GPa, nu = 1/4."""
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     given = {"kind": "lame_elastic", "first": 2e9, "second": 2e9, "density": 1200.0}
     same = {"kind": "isotropic_elastic", "young_modulus": 5e9, "poisson_ratio": 0.25, "density": 1200.0}
@@ -311,7 +311,7 @@ def test_mechanism(tmp_path: Path) -> None:
 def test_boundary(tmp_path: Path) -> None:
     """At a quarter of the period the whole amplitude pushes down on 12 mm."""
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     entry = {"kind": "oscillating_pressure", "edge": "upper.top", "amplitude": 1e6, "period": 4e-6}
     model = Model(in_a_case(tmp_path, "Boundary", plates({"boundaries": [entry]})))
@@ -327,7 +327,7 @@ def test_boundary(tmp_path: Path) -> None:
 def test_mesh_source(tmp_path: Path) -> None:
     """A quarter of the mass of the square at each of its corners, two of them on the interface."""
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     changes = {"mesh": {"kind": "one_element", "size": 2e-3}, "order": 1, "faults.main.contact": SPLIT}
     model = Model(in_a_case(tmp_path, "Mesh source", plates(changes)))
@@ -347,8 +347,8 @@ def test_stepper(tmp_path: Path) -> None:
 @pytest.mark.fem
 def test_operator(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
-    from ruptfx.operators.ufl_form import UflForm
+    from ruptfx.bodies.operators.ufl_form import UflForm
+    from ruptfx.run.model import Model
 
     model = Model(in_a_case(tmp_path, "Operator", plates({"operator": "counted"})))
     operator: Any = model.operator
@@ -364,8 +364,8 @@ def test_operator(tmp_path: Path) -> None:
 def test_instrument(tmp_path: Path) -> None:
     """Bodies that turn by 3e-6 rad; the second look completes the samples at time zero."""
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
-    from ruptfx.recording.sampling import Samples
+    from ruptfx.run.model import Model
+    from ruptfx.run.recording.sampling import Samples
 
     entry = {"kind": "tiltmeter", "name": "tilt", "interval": 1e-6, "point": [5e-3, 1e-3]}
     model = Model(in_a_case(tmp_path, "Instrument", plates({"instruments": [entry]})))
@@ -402,8 +402,8 @@ def test_profile(tmp_path: Path) -> None:
 MONITORED = """
 import sys
 import numpy as np
-from ruptfx import fields
-from ruptfx.fields import Monitor
+from ruptfx.input import fields
+from ruptfx.input.fields import Monitor
 
 fields.MONITORS += ({},)
 from ruptfx import read_case, simulate

@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from ruptfx.analysis import image_correlation as dic
-from ruptfx.cli import app
+from ruptfx.app.cli import app
+from ruptfx.results.analysis import image_correlation as dic
 
 pytest.importorskip("skimage")
 

@@ -187,10 +187,10 @@ def test_conda_recipe_has_the_dependencies_of_the_project():
 def test_an_ordinary_run_does_without_what_draws_and_without_scipy(tmp_path: Path):
     """Their import takes longer than a run of 0.2 million nodes to its first step."""
     program = (
-        "import pathlib, sys; import ruptfx.cli, ruptfx.simulation; from ruptfx.case import read_case; "
+        "import pathlib, sys; import ruptfx.app.cli, ruptfx.run.simulation; from ruptfx.case import read_case; "
         "given = ['mesh.element_size=10e-3', 'duration=20e-6', 'output.figures=false']; "
         "case = read_case(pathlib.Path('demos/impact.toml'), given); "
-        f"ruptfx.simulation.simulate(case, {str(tmp_path / 'run')!r}, progress=False); "
+        f"ruptfx.run.simulation.simulate(case, {str(tmp_path / 'run')!r}, progress=False); "
         "late = {'xarray', 'pandas', 'matplotlib', 'scipy', 'dask', 'numpy.f2py'}; "
         "print(sorted(late & set(sys.modules)))"
     )

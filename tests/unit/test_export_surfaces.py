@@ -20,13 +20,13 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.measured import compare_with_file
-from ruptfx.analysis.surface import rupture_time_difference
-from ruptfx.cli import app
-from ruptfx.commands.compare import overlay_surfaces
-from ruptfx.convert import scec_files, vtk_files
-from ruptfx.faults.interface import local_frame
-from ruptfx.record import Record
+from ruptfx.app.cli import app
+from ruptfx.app.commands.compare import overlay_surfaces
+from ruptfx.app.convert import scec_files, vtk_files
+from ruptfx.interfaces.faults.interface import local_frame
+from ruptfx.results.analysis.measured import compare_with_file
+from ruptfx.results.analysis.surface import rupture_time_difference
+from ruptfx.results.record import Record
 
 RECEIVERS = [
     {"kind": "receiver", "name": "far", "interval": 3e-7, "point": [1e-3, 1.3e-3, -2e-3]},

@@ -13,11 +13,11 @@ import psutil
 import pytest
 from helpers import synthetic
 
-from ruptfx import RuptfxError, plots
-from ruptfx.drawing import figure_process
+from ruptfx import RuptfxError
 from ruptfx.platform.progress import working
-from ruptfx.plots import _panels
-from ruptfx.record import Files
+from ruptfx.results import figure_process, plots
+from ruptfx.results.plots import _panels
+from ruptfx.results.record import Files
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """As a run does that has not imported what draws, with a core to spare."""
     with monkeypatch.context() as patched:
         patched.setattr(figure_process, "cores", lambda: 2)
-        patched.delitem(sys.modules, "ruptfx.plots", raising=False)
+        patched.delitem(sys.modules, "ruptfx.results.plots", raising=False)
         figure_process.prepare()
     assert figure_process._waiting is not None
 
@@ -126,7 +126,7 @@ def test_its_start_is_timed() -> None:
 def test_nobody_waits_where_it_would_not_pay(monkeypatch: pytest.MonkeyPatch) -> None:
     figure_process.prepare()  # what draws is imported
     assert figure_process._waiting is None
-    monkeypatch.delitem(sys.modules, "ruptfx.plots", raising=False)
+    monkeypatch.delitem(sys.modules, "ruptfx.results.plots", raising=False)
     monkeypatch.setattr(figure_process, "cores", lambda: 1)
     figure_process.prepare()
     assert figure_process._waiting is None

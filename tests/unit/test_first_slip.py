@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from helpers import synthetic
 
-from ruptfx import plots
-from ruptfx.analysis import rupture_origin, sliding_rate
-from ruptfx.plots.front import spread
-from ruptfx.record import Record
+from ruptfx.results import plots
+from ruptfx.results.analysis import rupture_origin, sliding_rate
+from ruptfx.results.plots.front import spread
+from ruptfx.results.record import Record
 
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
 

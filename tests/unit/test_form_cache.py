@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 import ruptfx
-from ruptfx import RuptfxError, fem
-from ruptfx.fem import remove_abandoned
+from ruptfx import RuptfxError
+from ruptfx.platform import fem
+from ruptfx.platform.fem import remove_abandoned
 
 PACKAGE = Path(ruptfx.__file__).parent
 

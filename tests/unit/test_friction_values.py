@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ruptfx.friction import FrictionLaw
-from ruptfx.friction.cohesion import Cohesion
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.friction.exponential_slip_weakening import ExponentialSlipWeakening
-from ruptfx.friction.forced_weakening import ForcedWeakening
-from ruptfx.friction.linear_slip_weakening import LinearSlipWeakening
-from ruptfx.friction.memory_constant_time import MemoryConstantTime
-from ruptfx.friction.prakash_clifton import PrakashClifton
-from ruptfx.friction.pressurised import Pressurised
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
-from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
-from ruptfx.friction.roughness_drag import RoughnessDrag
-from ruptfx.friction.time_weakening import TimeWeakening
-from ruptfx.nucleation.forced_rupture import ForcedRupture
-from ruptfx.nucleation.friction_drop import FrictionDrop
-from ruptfx.profiles.cone import Cone
+from ruptfx.input.profiles.cone import Cone
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.friction.cohesion import Cohesion
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.laws.friction.exponential_slip_weakening import ExponentialSlipWeakening
+from ruptfx.laws.friction.forced_weakening import ForcedWeakening
+from ruptfx.laws.friction.linear_slip_weakening import LinearSlipWeakening
+from ruptfx.laws.friction.memory_constant_time import MemoryConstantTime
+from ruptfx.laws.friction.prakash_clifton import PrakashClifton
+from ruptfx.laws.friction.pressurised import Pressurised
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.laws.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
+from ruptfx.laws.friction.roughness_drag import RoughnessDrag
+from ruptfx.laws.friction.time_weakening import TimeWeakening
+from ruptfx.laws.nucleation.forced_rupture import ForcedRupture
+from ruptfx.laws.nucleation.friction_drop import FrictionDrop
 
 ONE = np.ones(1)
 FLASH = RateAndStateFlashHeating(a=0.01, b=0.014, D_c=0.4, f_0=0.6, V_0=1e-6, f_w=0.2, V_w=0.1, V_initial=1e-16)

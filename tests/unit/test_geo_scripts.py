@@ -8,8 +8,8 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.meshes import _geo, gmsh_file
-from ruptfx.meshes.gmsh_file import GmshFile
+from ruptfx.bodies.meshes import _geo, gmsh_file
+from ruptfx.bodies.meshes.gmsh_file import GmshFile
 
 DATA = Path(__file__).parents[1] / "data"
 PLATES = (DATA / "two_bodies.geo").read_text()

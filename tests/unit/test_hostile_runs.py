@@ -18,7 +18,7 @@ from helpers.messages import facts
 from helpers.small_cases import case
 
 from ruptfx import RuptfxError, simulate
-from ruptfx.recording.checkpoint import CheckpointError
+from ruptfx.run.recording.checkpoint import CheckpointError
 
 pytestmark = pytest.mark.fem
 KEPT = "precious"

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from ruptfx import RuptfxError
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped.asperity_population import AsperityPopulation
 from ruptfx.lumped.asperity_population.law_fit import Trace
 from ruptfx.lumped.asperity_population.population import Asperity, Population

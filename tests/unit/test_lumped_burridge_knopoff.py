@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ruptfx.case import parse_case
+from ruptfx.input.schema import CaseError
 from ruptfx.lumped.burridge_knopoff import BurridgeKnopoff
 from ruptfx.lumped.burridge_knopoff.chain import Chain, load, slip_event
-from ruptfx.schema import CaseError
 
 
 def test_one_block_slips_as_an_oscillator() -> None:

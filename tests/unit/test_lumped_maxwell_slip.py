@@ -10,9 +10,9 @@ from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
+from ruptfx.input.schema import CaseError
 from ruptfx.lumped.maxwell_slip import MaxwellSlip, large_number_limit, late_amplitude_law, slide, transition
 from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface, read_profile, roughness_of
-from ruptfx.schema import CaseError
 
 
 def test_two_blocks_by_hand() -> None:

@@ -7,10 +7,10 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx.case import parse_case
+from ruptfx.input.schema import CaseError
 from ruptfx.lumped.spring_block import SpringBlock
 from ruptfx.lumped.spring_block.chain import Chain, Contacts, History, Integrator
 from ruptfx.lumped.spring_block.events import Breaks, Event, catalogue, chaining, slow_fronts
-from ruptfx.schema import CaseError
 
 
 def small(**changes: object) -> Chain:

@@ -14,16 +14,16 @@ from helpers.messages import facts, facts_of, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
+from ruptfx.app.cli import app
 from ruptfx.case import parse_case
-from ruptfx.cli import app
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.input.schema import CaseError, find
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import extreme, read_result, redraw, rehearse, simulate
 from ruptfx.lumped.spring_slider import _EXPERIMENTS, PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
 from ruptfx.lumped.spring_slider.stability import StabilityDiagram, _cycles
-from ruptfx.schema import CaseError, find
 
 W = 16.0
 VARIANTS = [(0.0, 0.0), (0.0, 0.4e-6), (1.6, 0.0), (1.6, 0.4e-6)]
@@ -32,7 +32,7 @@ LAWS = ("rate_and_state_ageing", "rate_and_state_slip", "rate_and_state_saturati
 
 def law_of(kind: str) -> object:
     extra = {"theta_c": 1e-3} if kind.endswith("saturating") else {}
-    return find("ruptfx.friction", kind)(a=0.013, b=0.026, D_c=0.42e-6, f_0=0.36, V_0=1e-6, **extra)
+    return find("ruptfx.laws.friction", kind)(a=0.013, b=0.026, D_c=0.42e-6, f_0=0.36, V_0=1e-6, **extra)
 
 
 @pytest.mark.parametrize("kind", LAWS)

@@ -8,11 +8,11 @@ import pytest
 from helpers.messages import facts
 from helpers.small_cases import case, plates
 
+from ruptfx.app.reference.describe import entries
 from ruptfx.case import case_schema, parse_case
-from ruptfx.materials import _library
-from ruptfx.materials._library import LIBRARY, in_words
-from ruptfx.reference.describe import entries
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.laws.materials import library as _library
+from ruptfx.laws.materials.library import LIBRARY, in_words
 
 SPEEDS = {  # c_p and c_s in plane strain [m/s], within 1 %, from the constants by hand
     "homalite": (2613.0, 1255.0), "pmma": (2700.0, 1345.0), "polycarbonate": (1967.0, 865.4),

@@ -17,10 +17,10 @@ from matplotlib.image import imread
 from typer.testing import CliRunner, Result
 
 from ruptfx import Record, RuptfxError
-from ruptfx.analysis.measured import channel_label, compare_with_file, misfit
-from ruptfx.cli import app
-from ruptfx.commands._measured import overlay
+from ruptfx.app.cli import app
+from ruptfx.app.commands._measured import overlay
 from ruptfx.input.number_files import named_histories
+from ruptfx.results.analysis.measured import channel_label, compare_with_file, misfit
 
 TIME = np.linspace(0, 40e-6, 401)
 

@@ -11,9 +11,9 @@ from helpers.reference_mortar import MortarReference
 from numpy.typing import NDArray
 
 from ruptfx import RuptfxError
-from ruptfx.meshes._lobatto import basis_of_order
-from ruptfx.sliding.mortar import Coupling, Mortar
-from ruptfx.sliding.surface import Surface
+from ruptfx.bodies.meshes.lobatto import basis_of_order
+from ruptfx.interfaces.sliding.mortar import Coupling, Mortar
+from ruptfx.interfaces.sliding.surface import Surface
 
 Floats = NDArray[np.float64]
 every_order = pytest.mark.parametrize("orders", [(1, 1), (2, 1), (1, 4), (4, 2), (4, 4), (8, 8)])

@@ -14,7 +14,7 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.codegen import native
+from ruptfx.platform.codegen import native
 
 SEVEN = "int number(void) { return 7; }\n"
 root_only = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")

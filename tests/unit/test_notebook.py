@@ -12,13 +12,14 @@ from helpers.messages import facts_of
 from helpers.small_cases import case, plates
 from PIL import Image
 
-from ruptfx import RuptfxError, plots
+from ruptfx import RuptfxError
+from ruptfx.app.commands.demos import write_notebook
 from ruptfx.case import Case, parse_case, read_case
-from ruptfx.commands.demos import write_notebook
-from ruptfx.friction.coulomb import Coulomb
+from ruptfx.input.schema import CaseError
+from ruptfx.laws.friction.coulomb import Coulomb
 from ruptfx.lumped import simulate
-from ruptfx.record import Record
-from ruptfx.schema import CaseError
+from ruptfx.results import plots
+from ruptfx.results.record import Record
 
 DEMOS = Path(__file__).parents[2] / "demos"
 SLIDER = """
@@ -87,7 +88,7 @@ def test_changed_is_a_new_checked_case() -> None:
 
 def test_changed_keeps_plug_ins(tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text(
-        "from ruptfx.friction import FrictionLaw\n\n\nclass Sticky(FrictionLaw):\n    \"\"\"Sticky.\"\"\"\n"
+        "from ruptfx.laws.friction import FrictionLaw\n\n\nclass Sticky(FrictionLaw):\n    \"\"\"Sticky.\"\"\"\n"
         "    mu: float\n\n    def strength(self, slip_rate, normal_stress, state):\n"
         "        return self.mu * normal_stress\n"
     )

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.nucleation import Nucleation
-from ruptfx.nucleation.forced_rupture import ForcedRupture
-from ruptfx.nucleation.friction_drop import FrictionDrop
-from ruptfx.nucleation.normal_stress_drop import NormalStressDrop
-from ruptfx.nucleation.overstress import Overstress
-from ruptfx.nucleation.smooth_patch import SmoothPatch
-from ruptfx.schema import alternatives
+from ruptfx.input.schema import alternatives
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.laws.nucleation import Nucleation
+from ruptfx.laws.nucleation.forced_rupture import ForcedRupture
+from ruptfx.laws.nucleation.friction_drop import FrictionDrop
+from ruptfx.laws.nucleation.normal_stress_drop import NormalStressDrop
+from ruptfx.laws.nucleation.overstress import Overstress
+from ruptfx.laws.nucleation.smooth_patch import SmoothPatch
 
 
 def test_smooth_patch() -> None:
@@ -60,7 +60,7 @@ HISTORIES: dict[str, tuple[Nucleation, dict[float, list[float]]]] = {
 
 
 def test_every_nucleation_that_weakens_has_a_history_here() -> None:
-    weakens = {kind for kind, cls in alternatives("ruptfx.nucleation").items() if "weaken" in vars(cls)}
+    weakens = {kind for kind, cls in alternatives("ruptfx.laws.nucleation").items() if "weaken" in vars(cls)}
     assert weakens == set(HISTORIES)
 
 

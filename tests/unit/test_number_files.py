@@ -13,14 +13,14 @@ from helpers.messages import facts
 from helpers.small_cases import merged, plates
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.emission import read_catalogue
 from ruptfx.case import parse_case
 from ruptfx.input.number_files import named_histories, two_columns, with_units
+from ruptfx.input.profiles.table import Table
+from ruptfx.input.schema import CaseError
 from ruptfx.input.surface_files import of_csv
 from ruptfx.lumped.maxwell_slip.roughness import read_profile
 from ruptfx.lumped.spring_slider.fit import read_trace
-from ruptfx.profiles.table import Table
-from ruptfx.schema import CaseError
+from ruptfx.results.analysis.emission import read_catalogue
 
 
 def written(path: Path, text: str) -> Path:

@@ -13,8 +13,9 @@ from types import ModuleType
 import pytest
 from PIL import Image
 
-from ruptfx import plots, read_case
-from ruptfx.bench import benchmarks
+from ruptfx import read_case
+from ruptfx.app.bench import benchmarks
+from ruptfx.results import plots
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from helpers.messages import facts, says
 
-from ruptfx.check_law.examples import table
-from ruptfx.nucleation.forced_rupture import ForcedRupture
-from ruptfx.profiles import Profile, evaluate
-from ruptfx.profiles._places import Place, located, patches, positions, shifted
-from ruptfx.schema import CaseError, Part, alternatives
-from ruptfx.stopping import StopWhen
+from ruptfx.app.check_law.examples import table
+from ruptfx.input.profiles import Profile, evaluate
+from ruptfx.input.profiles.places import Place, located, patches, positions, shifted
+from ruptfx.input.schema import CaseError, Part, alternatives
+from ruptfx.laws.nucleation.forced_rupture import ForcedRupture
+from ruptfx.stepping.stopping import StopWhen
 
 CENTERED = [
     cls
@@ -79,7 +79,7 @@ RADIAL = {
 @pytest.mark.parametrize("kind", [cls.kind() for cls in CENTERED if issubclass(cls, Profile)])
 def test_a_profile_around_a_point_of_a_surface_depends_on_the_distance(kind: str) -> None:
     given, expected = RADIAL[kind]
-    part = alternatives("ruptfx.profiles")[kind].model_validate({**given, "center": {"x": 3.0, "y": 0.0, "z": 4.0}})
+    part = alternatives("ruptfx.input.profiles")[kind].model_validate({**given, "center": {"x": 3.0, "y": 0.0, "z": 4.0}})
     placed = located(part, lambda key, place: np.array([3.0, 4.0]), "key")
     for angle in (0.0, 1.0, 4.0):
         places = np.array([[3 + r * np.cos(angle), 4 + r * np.sin(angle)] for r in expected])
@@ -87,7 +87,7 @@ def test_a_profile_around_a_point_of_a_surface_depends_on_the_distance(kind: str
 
 
 def test_a_profile_of_one_direction_has_no_point_as_its_center() -> None:
-    cone = alternatives("ruptfx.profiles")["cone"].model_validate({"slope": 0.5, "center": 1.0})
+    cone = alternatives("ruptfx.input.profiles")["cone"].model_validate({"slope": 0.5, "center": 1.0})
     placed = cone.substituted({"center": np.array([3.0, 4.0])})
     with pytest.raises(CaseError, match=facts(r"cone.center: this kind varies along one direction; give one position")):
         evaluate(placed, np.array([1.0, 2.0]))

@@ -16,15 +16,16 @@ from helpers.messages import facts
 from matplotlib.figure import Figure
 from PIL import Image
 
-from ruptfx import RuptfxError, plots
-from ruptfx.analysis import summarise
-from ruptfx.analysis.compression import emission_of
-from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import edges, limit, new_figure, save, scale, style
-from ruptfx.plots._panels import _displaced
-from ruptfx.plots._record import default_times
-from ruptfx.plots.cycles import ruptures
-from ruptfx.record import Record, RecordError
+from ruptfx import RuptfxError
+from ruptfx.results import plots
+from ruptfx.results.analysis import summarise
+from ruptfx.results.analysis.compression import emission_of
+from ruptfx.results.analysis.raster import Raster
+from ruptfx.results.figure_style import edges, limit, new_figure, save, scale, style
+from ruptfx.results.plots._panels import _displaced
+from ruptfx.results.plots._record import default_times
+from ruptfx.results.plots.cycles import ruptures
+from ruptfx.results.record import Record, RecordError
 
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
 
@@ -480,7 +481,7 @@ def test_strength_is_beside_the_traction_of_a_real_run(tmp_path):
     from helpers.small_cases import case, slip_weakening
 
     from ruptfx import simulate
-    from ruptfx.plots._strength import strength
+    from ruptfx.results.strength import strength
 
     table = slip_weakening({"duration": 3e-6, "faults.main.nucleation": [
         {"kind": "friction_drop", "center": 6e-3, "half_width": 2e-3, "mu_d": 0.1}

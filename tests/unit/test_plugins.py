@@ -18,15 +18,16 @@ from helpers.messages import facts, says
 from helpers.small_cases import plates, slip_weakening
 from typer.testing import CliRunner
 
-import ruptfx.friction
-from ruptfx import RuptfxError, schema
+import ruptfx.laws.friction
+from ruptfx import RuptfxError
+from ruptfx.app.cli import app
+from ruptfx.app.reference.describe import describe_topic
 from ruptfx.case import parse_case, read_case
-from ruptfx.cli import app
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.plugins import load
-from ruptfx.reference.describe import describe_topic
-from ruptfx.schema import CaseError, alternatives, broken, find, kinds
-from ruptfx.study.definition import read_study
+from ruptfx.input import schema
+from ruptfx.input.plugins import load
+from ruptfx.input.schema import CaseError, alternatives, broken, find, kinds
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.many_runs.study.definition import read_study
 
 USED = {"kind": "my_law", "mu_s": 0.6}
 
@@ -52,7 +53,7 @@ def test_a_file_beside_the_case(tmp_path: Path) -> None:
     law = case.faults["main"].friction
     assert law.kind() == "my_law" and law.L == 1e-5
     assert case.table()["plugins"] == [str(tmp_path / "my_law.py")]
-    assert "my_law" not in kinds("ruptfx.friction")  # known to its case alone
+    assert "my_law" not in kinds("ruptfx.laws.friction")  # known to its case alone
     assert parse_case(case.table()) == case
     with pytest.raises(CaseError, match=facts("unknown kind 'my_law'")):
         parse_case({**case.table(), "plugins": []})
@@ -135,7 +136,7 @@ def test_modules_beside_a_plugin_are_refused(tmp_path: Path, monkeypatch: pytest
 def test_several_classes_of_several_folders(tmp_path: Path) -> None:
     text = LAW + '''
 
-from ruptfx.nucleation import Nucleation
+from ruptfx.laws.nucleation import Nucleation
 
 
 class SmallPush(Nucleation):
@@ -158,8 +159,8 @@ class SmallPush(Nucleation):
 @pytest.mark.fem
 def test_a_run_directory_needs_nothing_else(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
-    from ruptfx.record import Record
-    from ruptfx.simulation import simulate
+    from ruptfx.results.record import Record
+    from ruptfx.run.simulation import simulate
 
     quick = {"output.checkpoint_steps": 20, "output.interface_interval": 2e-7}
     path, whole, out = written(tmp_path / "a", **quick), tmp_path / "whole", tmp_path / "run"
@@ -186,11 +187,11 @@ def test_a_run_directory_needs_nothing_else(tmp_path: Path) -> None:
 @pytest.mark.fem
 def test_an_operator_from_outside(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     text = '''
-from ruptfx.operators import Operator
-from ruptfx.operators.ufl_form import UflForm
+from ruptfx.bodies.operators import Operator
+from ruptfx.bodies.operators.ufl_form import UflForm
 
 
 class Twice(Operator):
@@ -210,7 +211,7 @@ class Twice(Operator):
 def test_a_study_keeps_its_plugins(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     pytest.importorskip("distributed")
-    from ruptfx.study import run_study
+    from ruptfx.many_runs.study import run_study
 
     path = written(tmp_path)
     path.write_text(tomli_w.dumps(plates({"faults.main.friction": USED, "duration": 5e-7})))  # the study names the file
@@ -286,7 +287,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         folder = tmp_path / "laws_of_others-1.0.dist-info"
         folder.mkdir()
         (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: laws-of-others\nVersion: 1.0\n")
-        (folder / "entry_points.txt").write_text(f"[ruptfx.friction]\n{entries}\n")
+        (folder / "entry_points.txt").write_text(f"[ruptfx.laws.friction]\n{entries}\n")
         monkeypatch.syspath_prepend(tmp_path)
         schema.offered.cache_clear()
 
@@ -300,7 +301,7 @@ def test_entry_points(package: Any, tmp_path: Path) -> None:
     package("my_law = laws_of_others:MyLaw")
     case = parse_case(plates({"faults.main.friction": USED}))
     law = case.faults["main"].friction
-    assert type(law).__module__ == "laws_of_others" and "my_law" in alternatives("ruptfx.friction")
+    assert type(law).__module__ == "laws_of_others" and "my_law" in alternatives("ruptfx.laws.friction")
     assert "plugins" not in case.table() and parse_case(case.table()) == case  # also for objects given in Python
     with pytest.raises(CaseError, match=facts("MyLaw would hide the friction 'my_law' that is there already")):
         read_case(written(tmp_path / "sub"))
@@ -310,7 +311,7 @@ def test_entry_points(package: Any, tmp_path: Path) -> None:
     "entries, message",
     [
         ("coulomb = laws_of_others:MyLaw", "'coulomb' of laws-of-others: would hide the 'coulomb' that"),
-        ("my_lav = laws_of_others:MyLaw", "must be a class with the contract of ruptfx.friction called 'my_lav'"),
+        ("my_lav = laws_of_others:MyLaw", "must be a class with the contract of ruptfx.laws.friction called 'my_lav'"),
         ("my_law = laws_of_others:TheirLaw", "AttributeError: module 'laws_of_others' has no attribute 'TheirLaw'"),
     ],
 )
@@ -318,9 +319,9 @@ def test_entry_points_that_are_refused(entries: str, message: str, package: Any)
     package(entries)
     kind = entries.split()[0]
     with pytest.raises(RuptfxError, match=facts(message)):
-        find("ruptfx.friction", kind)
-    assert says(message, broken("ruptfx.friction")[kind])
-    assert "cohesion" in alternatives("ruptfx.friction")
+        find("ruptfx.laws.friction", kind)
+    assert says(message, broken("ruptfx.laws.friction")[kind])
+    assert "cohesion" in alternatives("ruptfx.laws.friction")
 
 
 # -- files that do not load ------------------------------------------------------------------------------------------
@@ -328,10 +329,10 @@ def test_entry_points_that_are_refused(entries: str, message: str, package: Any)
 
 def test_a_broken_file_in_a_folder_harms_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "half_done.py").write_text("import numpy as np\n\nclass HalfDone(FrictionLaw):\n    pass\n")
-    monkeypatch.setattr(ruptfx.friction, "__path__", [*ruptfx.friction.__path__, str(tmp_path)])
+    monkeypatch.setattr(ruptfx.laws.friction, "__path__", [*ruptfx.laws.friction.__path__, str(tmp_path)])
     reason = f"{tmp_path / 'half_done.py'}, line 3: NameError: name 'FrictionLaw' is not defined"
-    assert broken("ruptfx.friction") == {"half_done": reason}
-    assert alternatives("ruptfx.friction")["coulomb"] is Coulomb and "half_done" not in alternatives("ruptfx.friction")
+    assert broken("ruptfx.laws.friction") == {"half_done": reason}
+    assert alternatives("ruptfx.laws.friction")["coulomb"] is Coulomb and "half_done" not in alternatives("ruptfx.laws.friction")
     titles = [panel.title.plain for panel in describe_topic("friction")]
     assert titles[-1] == "half_done (broken)" and "coulomb" in titles
     said = ruptfx_says("describe", "friction")
@@ -358,7 +359,7 @@ with Path(os.environ["RUPTFX_TEST_MARK"]).open("a") as file:
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run of somebody else, whose plug-in writes to a file whenever its code runs."""
     pytest.importorskip("dolfinx")
-    from ruptfx.simulation import simulate
+    from ruptfx.run.simulation import simulate
 
     folder = tmp_path_factory.mktemp("foreign")
     with pytest.MonkeyPatch.context() as patch:
@@ -410,8 +411,8 @@ def test_mesh_of_a_run_runs_none_of_its_code(foreign: Path, tmp_path: Path) -> N
 
 @pytest.mark.fem
 def test_a_record_that_is_trusted_has_the_strength(foreign: Path, tmp_path: Path, monkeypatch: Any) -> None:
-    from ruptfx.plots._strength import strength
-    from ruptfx.record import Record
+    from ruptfx.results.record import Record
+    from ruptfx.results.strength import strength
 
     monkeypatch.setenv("RUPTFX_TEST_MARK", str(tmp_path / "mark"))
     with Record(foreign) as record, Record(foreign, trust=True) as trusted:
@@ -427,9 +428,9 @@ def test_a_record_that_is_trusted_has_the_strength(foreign: Path, tmp_path: Path
 @pytest.mark.fem
 def test_laws_of_the_package_need_no_plug_in(tmp_path: Path) -> None:
     """A run that names one for something else has its strength without it."""
-    from ruptfx.plots._strength import strength
-    from ruptfx.record import Record
-    from ruptfx.simulation import simulate
+    from ruptfx.results.record import Record
+    from ruptfx.results.strength import strength
+    from ruptfx.run.simulation import simulate
 
     own = {"faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}}
     simulate(read_case(written(tmp_path / "case", **own)), tmp_path / "run", progress=False).close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ruptfx.faults import point_step
+from ruptfx.interfaces.faults import point_step
 
 
 def shifted(shear: list[float], before: list[float], weight: float, z: float = 2.0) -> point_step.ShiftedTrial:

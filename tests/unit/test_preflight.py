@@ -18,11 +18,11 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case, read_case
-from ruptfx.checks.preflight import preflight
-from ruptfx.mechanisms._check_table import Row
-from ruptfx.schema import CaseError
-from ruptfx.sliding.roughness import _slope
+from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.mechanisms.checks.table import Row
+from ruptfx.interfaces.sliding.roughness import _slope
 
 pytestmark = pytest.mark.fem
 
@@ -460,7 +460,7 @@ def test_records_coarser_than_the_process() -> None:
 )
 def test_size_of_files(changes: dict[str, Any], tmp_path: Path) -> None:
     """Within 30 % of what a run leaves."""
-    from ruptfx.simulation import simulate
+    from ruptfx.run.simulation import simulate
 
     table = plates({"duration": 4e-6, **changes})
     simulate(parse_case(table), tmp_path / "run", progress=False)
@@ -492,9 +492,9 @@ def test_expected_time_counts_steps_records_and_snapshots(monkeypatch: pytest.Mo
     """
     from types import SimpleNamespace
 
-    from ruptfx import fem
-    from ruptfx.checks import cost
-    from ruptfx.model import Model
+    from ruptfx.platform import fem
+    from ruptfx.run import cost
+    from ruptfx.run.model import Model
 
     given = parse_case(plates({"output.interface_interval": 2e-7, "output.bulk_interval": 5e-7, "duration": 2e-6}))
     model = Model(given, fem.MPI.COMM_WORLD)
@@ -509,8 +509,9 @@ def test_expected_time_counts_steps_records_and_snapshots(monkeypatch: pytest.Mo
 
 def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """3 x 2 elements of order 4 twice over: 2 x 25 x 9 = 450 nodes of 245 bytes and 160 MB of libraries."""
-    from ruptfx import RuptfxError, simulation
-    from ruptfx.checks import cost, preflight
+    from ruptfx import RuptfxError
+    from ruptfx.app.checks import preflight
+    from ruptfx.run import cost, simulation
 
     made: list[object] = []
     for module in (preflight, simulation):
@@ -526,7 +527,7 @@ def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypa
 
 
 def test_what_fits_only_in_part_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ruptfx.checks import preflight
+    from ruptfx.app.checks import preflight
 
     monkeypatch.setattr(preflight, "available", lambda: 20e6)
     found = rows(plates())["memory"]
@@ -534,7 +535,7 @@ def test_what_fits_only_in_part_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_free_memory_is_that_of_the_machine_or_of_the_control_group(tmp_path: Path) -> None:
-    from ruptfx.checks.cost import available
+    from ruptfx.run.cost import available
 
     assert available(tmp_path) is None
     (tmp_path / "proc").mkdir()
@@ -626,7 +627,7 @@ def test_a_mirror_image_radiates_as_a_body() -> None:
 def test_memory_of_several_ranks_on_one_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of four ranks are on this machine: twice the libraries, and half of the nodes."""
     from ruptfx import RuptfxError
-    from ruptfx.checks import cost
+    from ruptfx.run import cost
 
     comm = SimpleNamespace(size=4, Split_type=lambda kind: SimpleNamespace(size=2))
     least = 2 * 160e6 + 2 * 13 * 5 * 245.0 / 2
@@ -643,7 +644,7 @@ def test_bytes_of_snapshots_and_energies(dim: int, components: int, stresses: in
 
     The mesh has as many cells as nodes, of 2^dim corners, and dim coordinates of each node.
     """
-    from ruptfx.checks import cost
+    from ruptfx.run import cost
 
     output = SimpleNamespace(bulk_fields=["velocity", "stress"], bulk_precision="single", interface_steps=None)
     given = SimpleNamespace(

@@ -11,13 +11,13 @@ import pytest
 from helpers.messages import facts
 from pydantic import ValidationError
 
-from ruptfx.faults.initial_stress import InitialStress
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.profiles import evaluate
-from ruptfx.schema import CaseError, alternatives, unit_of
+from ruptfx.input.profiles import evaluate
+from ruptfx.input.schema import CaseError, alternatives, unit_of
+from ruptfx.interfaces.faults.initial_stress import InitialStress
+from ruptfx.laws.friction.coulomb import Coulomb
 
 X = np.linspace(-1.0, 1.0, 41)
-KINDS = alternatives("ruptfx.profiles")
+KINDS = alternatives("ruptfx.input.profiles")
 
 
 def example(kind: str) -> dict[str, Any]:

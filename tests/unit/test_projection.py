@@ -9,15 +9,15 @@ import pytest
 from helpers.messages import facts
 from helpers.small_cases import friction_laws
 
-from ruptfx.check_law.examples import friction
-from ruptfx.faults import point_step
-from ruptfx.faults.projection import ProjectionError, Resistance, StrengthAtState, TracedLaw, project, solved
-from ruptfx.friction import FrictionLaw
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.friction.prakash_clifton_two import PrakashCliftonTwo
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
-from ruptfx.friction.rate_and_state_power_law import RateAndStatePowerLaw
-from ruptfx.friction.velocity_weakening import VelocityWeakening
+from ruptfx.app.check_law.examples import friction
+from ruptfx.interfaces.faults import point_step
+from ruptfx.interfaces.faults.projection import ProjectionError, Resistance, StrengthAtState, TracedLaw, project, solved
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.laws.friction.prakash_clifton_two import PrakashCliftonTwo
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.laws.friction.rate_and_state_power_law import RateAndStatePowerLaw
+from ruptfx.laws.friction.velocity_weakening import VelocityWeakening
 
 N = 2000
 LAWS = friction_laws()

@@ -12,7 +12,7 @@ from helpers.small_cases import merged, plates
 
 from ruptfx.case import parse_case
 from ruptfx.input.quantities import parse
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
 
 
 @pytest.mark.parametrize(

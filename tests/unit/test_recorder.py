@@ -15,13 +15,14 @@ pytest.importorskip("dolfinx")
 
 from helpers.small_cases import case
 
-from ruptfx import plots, simulate
-from ruptfx.model import Model
+from ruptfx import simulate
 from ruptfx.platform import parallel
-from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.recording.shared_file import SharedFile
-from ruptfx.recording.table_file import TableFile
-from ruptfx.recording.writer import Writer
+from ruptfx.results import plots
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields
+from ruptfx.run.recording.shared_file import SharedFile
+from ruptfx.run.recording.table_file import TableFile
+from ruptfx.run.recording.writer import Writer
 
 pytestmark = pytest.mark.fem
 
@@ -88,7 +89,8 @@ def test_snapshots_hold_what_is_asked_for_in_the_space_that_is_asked_for(tmp_pat
 
 def test_a_run_is_complete_before_it_draws(tmp_path, monkeypatch):
     """What fails while figures are drawn takes nothing away: the summary is there, and was told."""
-    from ruptfx import RuptfxError, plots
+    from ruptfx import RuptfxError
+    from ruptfx.results import plots
 
     seen = []
     monkeypatch.setattr(plots, "FIGURES", {"snapshots": lambda record: seen.append("drawn") or 1 / 0})

@@ -11,9 +11,9 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.codegen.tracing import record, symbol, to_c, to_numpy
-from ruptfx.faults.projection import TracedLaw
-from ruptfx.friction.prakash_clifton import PrakashClifton
+from ruptfx.interfaces.faults.projection import TracedLaw
+from ruptfx.laws.friction.prakash_clifton import PrakashClifton
+from ruptfx.platform.codegen.tracing import record, symbol, to_c, to_numpy
 
 LAW = '''
 import math
@@ -21,7 +21,7 @@ import math
 import numpy as np
 import scipy.special
 
-from ruptfx.friction import FrictionLaw
+from ruptfx.laws.friction import FrictionLaw
 
 
 def helper(x):

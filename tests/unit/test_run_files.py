@@ -17,9 +17,10 @@ from helpers.messages import facts, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
-from ruptfx.cli import app
-from ruptfx.record import Files, Record, RecordError
-from ruptfx.results import directories, run_files
+from ruptfx.app.cli import app
+from ruptfx.platform import run_files
+from ruptfx.results import directories
+from ruptfx.results.record import Files, Record, RecordError
 
 DEMOS = Path(__file__).parents[2] / "demos"
 NAMES = ("interface.h5", "bulk.h5", "instruments.h5", "energy.csv", "run.log")
@@ -262,7 +263,7 @@ def test_names_in_a_list_lead_nowhere_else(name: str, both: Path) -> None:
 
 
 def run_script(folder: Path, *lines: str) -> subprocess.CompletedProcess[str]:
-    script = "\n".join(["from ruptfx import RuptfxError", "from ruptfx.script import begin", *lines])
+    script = "\n".join(["from ruptfx import RuptfxError", "from ruptfx.app.script import begin", *lines])
     return subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False)
 
 

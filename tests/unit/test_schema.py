@@ -17,18 +17,18 @@ from helpers.small_cases import SPLIT, plates
 from pydantic import ValidationError
 
 from ruptfx import RuptfxError
+from ruptfx.app.commands._shared import reported
+from ruptfx.app.reference.describe import TOPICS, entries, file_schema
 from ruptfx.case import FOLDERS, parse_case
-from ruptfx.cohesion import CohesiveLaw
-from ruptfx.collisions.potential import Potential
-from ruptfx.commands._shared import reported
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.input.former_names import FormerName, warn_of_former
+from ruptfx.input.schema import CaseError, alternatives, find, kinds, nearest, unit_of
+from ruptfx.interfaces.collisions.potential import Potential
+from ruptfx.interfaces.sliding import Sliding
+from ruptfx.laws.cohesion import CohesiveLaw
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.platform import launch
-from ruptfx.reference.describe import TOPICS, entries, file_schema
-from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
-from ruptfx.sliding import Sliding
-from ruptfx.steppers.leapfrog import Leapfrog
+from ruptfx.stepping.steppers.leapfrog import Leapfrog
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
@@ -109,8 +109,8 @@ def test_nearest() -> None:
 
 
 def test_find() -> None:
-    assert find("ruptfx.friction", "coulomb") is Coulomb
-    assert "_rate_and_state" not in kinds("ruptfx.friction")
+    assert find("ruptfx.laws.friction", "coulomb") is Coulomb
+    assert "_rate_and_state" not in kinds("ruptfx.laws.friction")
 
 
 def test_the_former_key_of_collisions_is_read_with_a_note() -> None:
@@ -174,9 +174,9 @@ def test_parts_are_strict_and_frozen() -> None:
 def test_base_imports_nothing_heavy() -> None:
     """`import ruptfx`, laws and projection work where there is no DOLFINx and no MPI."""
     code = (
-        "import sys, ruptfx, ruptfx.faults.projection, ruptfx.profiles, ruptfx.case, ruptfx.record\n"
-        "from ruptfx.schema import alternatives\n"
-        "alternatives('ruptfx.friction')\n"
+        "import sys, ruptfx, ruptfx.interfaces.faults.projection, ruptfx.input.profiles, ruptfx.case, ruptfx.results.record\n"
+        "from ruptfx.input.schema import alternatives\n"
+        "alternatives('ruptfx.laws.friction')\n"
         "print([name for name in ('dolfinx', 'mpi4py', 'petsc4py', 'ufl') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

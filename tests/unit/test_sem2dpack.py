@@ -17,16 +17,16 @@ import pytest
 from helpers.messages import facts, says
 from typer.testing import CliRunner
 
+from ruptfx.app.cli import app
 from ruptfx.case import parse_case, read_case
-from ruptfx.cli import app
-from ruptfx.faults.initial_stress import InitialStress
-from ruptfx.profiles import evaluate
+from ruptfx.input.profiles import evaluate
+from ruptfx.interfaces.faults.initial_stress import InitialStress
 
 pytest.importorskip("f90nml")
-from ruptfx.convert.sem2dpack import ConversionError, convert, convert_file, distributions
-from ruptfx.convert.sem2dpack.blocks import Block, Input, read
-from ruptfx.convert.sem2dpack.fault_line import FaultLine
-from ruptfx.convert.sem2dpack.materials import _elastic
+from ruptfx.app.convert.sem2dpack import ConversionError, convert, convert_file, distributions
+from ruptfx.app.convert.sem2dpack.blocks import Block, Input, read
+from ruptfx.app.convert.sem2dpack.fault_line import FaultLine
+from ruptfx.app.convert.sem2dpack.materials import _elastic
 
 ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "demos" / "antiplane.toml"

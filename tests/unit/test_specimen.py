@@ -12,9 +12,9 @@ pytest.importorskip("gmsh")
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.meshes import RawMesh
-from ruptfx.meshes.specimen import Specimen
-from ruptfx.schema import CaseError
+from ruptfx.bodies.meshes import RawMesh
+from ruptfx.bodies.meshes.specimen import Specimen
+from ruptfx.input.schema import CaseError
 
 RECTANGLE = {"kind": "rectangle", "width": 4e-3, "height": 6e-3}
 

@@ -17,7 +17,7 @@ from ruptfx.platform import launch
 ROOT = Path(__file__).parents[2]
 HEAVY = {
     "numpy", "scipy", "h5py", "h5netcdf", "matplotlib", "xarray", "pandas", "dask", "mpi4py", "petsc4py", "dolfinx",
-    "ufl", "basix", "ruptfx.case", "ruptfx.plots", "ruptfx.record",
+    "ufl", "basix", "ruptfx.case", "ruptfx.results.plots", "ruptfx.results.record",
 }  # fmt: skip
 
 # Ends the process when something is printed, and prints that with the loaded modules.
@@ -31,12 +31,12 @@ class Watched(io.StringIO):
             os._exit(0)
         return len(text)
 sys.stdout, sys.stderr = Watched(), Watched()
-from ruptfx.cli import program
+from ruptfx.app.cli import program
 program()
 """
 AT_THE_END = """
 import json, sys
-from ruptfx.cli import program
+from ruptfx.app.cli import program
 try:
     program()
 except SystemExit as ended:
@@ -85,7 +85,7 @@ def test_a_run_says_that_it_loads_dolfinx_before_it_does(tmp_path: Path) -> None
     case = [CASE, "--out", tmp_path / "run", "--set", "mesh.element_size=10e-3", "--set", "duration=1e-6"]
     said, modules = loaded(FIRST_OUTPUT, "run", *case, **{launch.RANKS: "1"})
     assert said == "loading DOLFINx"
-    assert not {"dolfinx", "mpi4py", "scipy", "matplotlib", "xarray", "ruptfx.simulation"} & modules
+    assert not {"dolfinx", "mpi4py", "scipy", "matplotlib", "xarray", "ruptfx.run.simulation"} & modules
 
 
 def test_only_the_first_rank_says_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,7 +120,7 @@ def test_a_case_is_read_without_what_computes_and_draws() -> None:
 
 def test_the_analysis_of_fronts_imports_scipy_where_it_integrates() -> None:
     text, modules = loaded(
-        "import json, sys; import ruptfx.analysis.fracture, ruptfx.analysis.emission; "
+        "import json, sys; import ruptfx.laws.fracture, ruptfx.results.analysis.emission; "
         "print(json.dumps(['read', sorted(sys.modules)]))"
     )
     assert text == "read"

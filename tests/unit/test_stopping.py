@@ -11,7 +11,7 @@ from helpers.small_cases import SETS, merged, plates
 
 from ruptfx import simulate
 from ruptfx.case import parse_case
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
 
 pytestmark = pytest.mark.fem
 

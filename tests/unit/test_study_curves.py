@@ -12,11 +12,11 @@ from helpers.messages import facts
 from matplotlib.container import ErrorbarContainer
 
 from ruptfx import RuptfxError
-from ruptfx.study import curves
-from ruptfx.study.definition import Study
-from ruptfx.study.execute import draw
-from ruptfx.study.mode_map import read_map
-from ruptfx.study.table import read_csv, write_csv
+from ruptfx.many_runs.study import curves
+from ruptfx.many_runs.study.definition import Study
+from ruptfx.many_runs.study.execute import draw
+from ruptfx.many_runs.study.mode_map import read_map
+from ruptfx.many_runs.study.table import read_csv, write_csv
 
 AXIS: dict[str, Any] = {"key": "boundaries.0.velocity", "name": "speed", "label": "Speed", "unit": "m/s"}
 

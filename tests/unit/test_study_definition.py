@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from helpers.messages import facts, facts_of
 
-from ruptfx.schema import CaseError
-from ruptfx.study import Axis, read_study
-from ruptfx.study.goals import Search
-from ruptfx.study.refine import bisections, boundaries, summary
+from ruptfx.input.schema import CaseError
+from ruptfx.many_runs.study import Axis, read_study
+from ruptfx.many_runs.study.goals import Search
+from ruptfx.many_runs.study.refine import bisections, boundaries, summary
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 SIGMA = 'key = "faults.main.initial_stress.normal"'

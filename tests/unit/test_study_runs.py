@@ -19,12 +19,12 @@ from helpers.messages import facts, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
-from ruptfx.cli import app
+from ruptfx.app.cli import app
+from ruptfx.many_runs.study import read_csv, read_study, refine, run_study
+from ruptfx.many_runs.study.mode_map import Map
+from ruptfx.many_runs.study.store import Store
 from ruptfx.platform import launch
 from ruptfx.results.summary_fields import DESCRIPTIONS
-from ruptfx.study import read_csv, read_study, refine, run_study
-from ruptfx.study.mode_map import Map
-from ruptfx.study.store import Store
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 # Pulses above a diagonal of the map, no mesh dependence but at 20 m/s; some loadings fail in their own way.

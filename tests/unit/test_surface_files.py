@@ -12,8 +12,8 @@ from helpers.small_cases import strike_slip
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.profiles.surface_table import SurfaceTable
-from ruptfx.schema import CaseError
+from ruptfx.input.profiles.surface_table import SurfaceTable
+from ruptfx.input.schema import CaseError
 
 xarray = pytest.importorskip("xarray")
 
@@ -128,7 +128,7 @@ def test_keys_that_do_not_go_together_are_refused(table: dict[str, Any], message
 
 def test_a_file_that_does_not_cover_the_fault_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
-    from ruptfx.model import Model
+    from ruptfx.run.model import Model
 
     (tmp_path / "s.csv").write_text("\n".join([HEADER.replace("km", "mm"), *LINES]), encoding="utf-8")
     table = {"kind": "surface_table", "file": "s.csv"}

@@ -9,7 +9,7 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
-from ruptfx.codegen.tracing import (
+from ruptfx.platform.codegen.tracing import (
     _C,
     _RULES,
     _SPELLED,
@@ -211,7 +211,7 @@ def test_compiled_c_is_numpy(tmp_path: Any) -> None:
     """All operations in one function, compiled and called."""
     import ctypes
 
-    from ruptfx.codegen import native
+    from ruptfx.platform.codegen import native
 
     unary = [name for name in (*UNARY, *STEPS) if name not in DOMAINS]
     pairs = [*BINARY, *COMPARISONS, "heaviside", "floor_divide"]

@@ -10,12 +10,12 @@ from helpers.small_cases import HOMALITE, plates
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
+from ruptfx.bodies.operators import matrix_free
+from ruptfx.bodies.operators.matrix_free import MatrixFree
 from ruptfx.case import Case, parse_case
-from ruptfx.mechanisms.viscosity import KelvinVoigt, ViscousLayer
-from ruptfx.model import Model
-from ruptfx.operators import matrix_free
-from ruptfx.operators.matrix_free import MatrixFree
+from ruptfx.interfaces.mechanisms.viscosity import KelvinVoigt, ViscousLayer
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -9,7 +9,7 @@ from helpers.small_cases import SPLIT, merged, plates
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
-from ruptfx.model import Model
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

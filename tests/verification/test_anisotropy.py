@@ -14,13 +14,14 @@ pytest.importorskip("dolfinx")
 import ufl
 from helpers.messages import facts
 
-from ruptfx import plots, simulate
+from ruptfx import simulate
+from ruptfx.bodies.space.edges import Edge
 from ruptfx.case import parse_case, read_case
-from ruptfx.materials import Material, Plane, WaveSpeeds
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
-from ruptfx.space.edges import Edge
-from ruptfx.steppers._radiation import radiation_impedance
+from ruptfx.input.schema import CaseError
+from ruptfx.laws.materials import Material, Plane, WaveSpeeds
+from ruptfx.results import plots
+from ruptfx.run.model import Model
+from ruptfx.stepping.steppers._radiation import radiation_impedance
 
 pytestmark = pytest.mark.fem
 

@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.mechanisms import StepEnd
-from ruptfx.model import Model
+from ruptfx.interfaces.mechanisms import StepEnd
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 HEIGHT, LENGTH, MODULUS = 8e-3, 12e-3, HOMALITE["young_modulus"]

@@ -16,18 +16,19 @@ from helpers.small_cases import march
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
 
-from ruptfx import RuptfxError, fem
-from ruptfx.analysis.polariscope import Camera
+from ruptfx import RuptfxError
+from ruptfx.app.convert import vtk_files
+from ruptfx.bodies.operators.assembled import stiffness_form
+from ruptfx.bodies.space.axisymmetry import on_axis
+from ruptfx.bodies.spectrum import highest_frequency
 from ruptfx.case import parse_case
-from ruptfx.convert import vtk_files
-from ruptfx.instruments._readings import ModelReadings
-from ruptfx.model import Model
-from ruptfx.operators.assembled import stiffness_form
-from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.schema import CaseError
-from ruptfx.simulation import simulate
-from ruptfx.space.axisymmetry import on_axis
-from ruptfx.spectrum import highest_frequency
+from ruptfx.input.schema import CaseError
+from ruptfx.platform import fem
+from ruptfx.readings.instruments.model_readings import ModelReadings
+from ruptfx.results.analysis.polariscope import Camera
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 

@@ -14,16 +14,17 @@ pytest.importorskip("gmsh")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError
+from ruptfx.bodies.meshes import RawMesh
+from ruptfx.bodies.meshes.branched_fault import BranchedFault
+from ruptfx.bodies.meshes.extruded import Extruded
+from ruptfx.bodies.space.bodies import check_pairs, distribute
+from ruptfx.bodies.space.branches import weld_branch_ends
+from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.case import parse_case, read_case
-from ruptfx.faults.interface import build_interface
-from ruptfx.meshes import RawMesh
-from ruptfx.meshes.branched_fault import BranchedFault
-from ruptfx.meshes.extruded import Extruded
-from ruptfx.model import Model
-from ruptfx.space.bodies import check_pairs, distribute
-from ruptfx.space.branches import weld_branch_ends
-from ruptfx.space.nodes import Nodes
+from ruptfx.interfaces.faults.interface import build_interface
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

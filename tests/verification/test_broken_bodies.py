@@ -13,11 +13,11 @@ pytest.importorskip("dolfinx")
 
 from scipy.sparse.linalg import LinearOperator, cg
 
-from ruptfx.check_law.examples import table
-from ruptfx.cohesion import AnyCohesion
-from ruptfx.model import Model
-from ruptfx.recording.edge_sums import EdgeSums
-from ruptfx.schema import alternatives
+from ruptfx.app.check_law.examples import table
+from ruptfx.input.schema import alternatives
+from ruptfx.laws.cohesion import AnyCohesion
+from ruptfx.run.model import Model
+from ruptfx.run.recording.edge_sums import EdgeSums
 
 pytestmark = pytest.mark.fem
 YOUNG, POISSON = GRANITE["young_modulus"], GRANITE["poisson_ratio"]
@@ -34,7 +34,7 @@ def test_a_short_bar_is_torn_along_its_law(way: str, kind: str) -> None:
     What is off is a wave of rho c v / 2 when the opening begins, 0.4 % of the strength at 2.5 mm/s; and springs of so
     few facets, whose compliance is that of many only on average: 3 % with alpha = 10.
     """
-    cls, speed = alternatives("ruptfx.cohesion")[kind], 2.5e-3
+    cls, speed = alternatives("ruptfx.laws.cohesion")[kind], 2.5e-3
     values = {"kind": kind, "f_t": STRENGTH, "c": 8e6, "G_Ic": END * STRENGTH * cls.area, "G_IIc": 1.0}
     law = TypeAdapter(AnyCohesion).validate_python({**table(cls), **values})
     assert law.opening_at_failure == pytest.approx(END, rel=1e-12)

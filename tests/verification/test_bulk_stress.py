@@ -13,13 +13,13 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx.instruments._readings import ModelReadings
-from ruptfx.model import Model
-from ruptfx.operators.matrix_free import MatrixFree
-from ruptfx.record import Record
-from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.schema import CaseError
-from ruptfx.simulation import simulate
+from ruptfx.bodies.operators.matrix_free import MatrixFree
+from ruptfx.input.schema import CaseError
+from ruptfx.readings.instruments.model_readings import ModelReadings
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 

@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx import RuptfxError, read_case, simulate
-from ruptfx.analysis.along_interface import body_stress
+from ruptfx.results.analysis.along_interface import body_stress
 
 pytestmark = pytest.mark.fem
 

@@ -10,12 +10,12 @@ from helpers.small_cases import COMPLIANT, case, memory_friction
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.implicit import compliance, condensed
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.implicit.solution import Rates
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.model import Model
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.platform import parallel
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import compliance, condensed
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.implicit.solution import Rates
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -11,13 +11,12 @@ from helpers.small_cases import COMPLIANT, HOMALITE, case
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
-from ruptfx.implicit import ConvergenceError
-from ruptfx.implicit.condensed import Condensed
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.implicit.solvers import NewtonSolver
-from ruptfx.model import Model
-from ruptfx.platform import parallel
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit.condensed import Condensed
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.implicit.solvers import NewtonSolver
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -13,12 +13,12 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts, facts_of
 
-from ruptfx.boundaries.moved import Moved
+from ruptfx.bodies.boundaries.moved import Moved
+from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
-from ruptfx.spectrum import stable_time_step
-from ruptfx.steppers.leapfrog import what_limits
+from ruptfx.input.schema import CaseError
+from ruptfx.run.model import Model
+from ruptfx.stepping.steppers.leapfrog import what_limits
 
 pytestmark = pytest.mark.fem
 

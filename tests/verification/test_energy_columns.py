@@ -18,10 +18,10 @@ pytest.importorskip("dolfinx")
 
 from benchmarks.collisions import Flight, pair
 from ruptfx.case import parse_case
-from ruptfx.fields import ENERGIES
-from ruptfx.mechanisms.rotations import LargeRotations
-from ruptfx.model import Model
-from ruptfx.sliding.follower import Follower
+from ruptfx.input.fields import ENERGIES
+from ruptfx.interfaces.mechanisms.rotations import LargeRotations
+from ruptfx.interfaces.sliding.follower import Follower
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -13,10 +13,10 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case
-from ruptfx.checks.preflight import preflight
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 WEAKENING = {"kind": "velocity_weakening", "mu_s": 0.6, "mu_d": 0.2, "V_w": 5.0}

@@ -8,9 +8,9 @@ from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, march, merged, plate
 
 pytest.importorskip("dolfinx")
 
+from ruptfx.bodies.state import State
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.state import State
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

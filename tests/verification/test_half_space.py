@@ -12,9 +12,9 @@ from scipy.sparse.linalg import spsolve
 
 from benchmarks import bp1
 from benchmarks._half_space_fault import HalfSpaceFault
-from ruptfx import fem
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
 
 pytestmark = pytest.mark.fem
 

@@ -10,10 +10,10 @@ from helpers.small_cases import HOMALITE, OPERATOR
 
 pytest.importorskip("dolfinx")
 
+from ruptfx.bodies.state import State
 from ruptfx.case import parse_case
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model
-from ruptfx.state import State
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 

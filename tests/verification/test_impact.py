@@ -12,8 +12,8 @@ from helpers.small_cases import COMPLIANT, STRONG, impact, march
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.simulation import simulate
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 

@@ -16,12 +16,12 @@ from helpers.messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.implicit import ConvergenceError
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
-from ruptfx.steppers.generalized_alpha import GeneralizedAlphaMotion
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.steppers.generalized_alpha import GeneralizedAlphaMotion
 
 pytestmark = pytest.mark.fem
 

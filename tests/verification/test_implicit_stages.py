@@ -13,10 +13,11 @@ from helpers.small_cases import COMPLIANT, merged, plates
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem, stages
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.simulation import simulate
+from ruptfx.platform import fem
+from ruptfx.run import stages
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

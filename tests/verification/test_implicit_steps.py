@@ -11,9 +11,9 @@ from helpers.small_cases import COMPLIANT, advance, case, impact, march
 
 pytest.importorskip("dolfinx")
 
+from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.spectrum import stable_time_step
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -10,9 +10,9 @@ from helpers.small_cases import COMPLIANT, SPLIT, plates
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import stages
 from ruptfx.case import parse_case
-from ruptfx.model import Model
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -16,10 +16,10 @@ from helpers.messages import facts
 
 from ruptfx import RuptfxError, read_case, simulate
 from ruptfx.case import parse_case
-from ruptfx.instruments._filter import low_pass
-from ruptfx.model import Model
-from ruptfx.record import Record
-from ruptfx.recording.sampling import Samples
+from ruptfx.readings.filter import low_pass
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.recording.sampling import Samples
 
 pytestmark = pytest.mark.fem
 

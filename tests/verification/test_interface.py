@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.friction.coulomb import Coulomb
-from ruptfx.friction.prakash_clifton import PrakashClifton
-from ruptfx.model import Model
+from ruptfx.laws.friction.coulomb import Coulomb
+from ruptfx.laws.friction.prakash_clifton import PrakashClifton
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

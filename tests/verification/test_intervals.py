@@ -21,16 +21,16 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 import ruptfx
-from ruptfx import simulation
+from ruptfx.app.checks.preflight import preflight
+from ruptfx.app.cli import app
 from ruptfx.case import Case, parse_case, read_case, read_toml
-from ruptfx.checks.preflight import preflight
-from ruptfx.cli import app
+from ruptfx.input.schema import CaseError
 from ruptfx.lumped import LumpedModel
-from ruptfx.recording.checkpoint import Checkpoints, all_of, read_manifest, write_manifest
-from ruptfx.recording.recorder import Recorder
-from ruptfx.recording.schedule import Schedule, count, end_of
-from ruptfx.schema import CaseError
-from ruptfx.simulation import simulate
+from ruptfx.run import simulation
+from ruptfx.run.recording.checkpoint import Checkpoints, all_of, read_manifest, write_manifest
+from ruptfx.run.recording.recorder import Recorder
+from ruptfx.run.recording.schedule import Schedule, count, end_of
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 STEP = 1e-7

@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 from helpers.small_cases import SPLIT, impact, march, merged, plates, slip_weakening
 
-pytest.importorskip("ruptfx.fem")
+pytest.importorskip("ruptfx.platform.fem")
 
 from ruptfx.case import parse_case
-from ruptfx.sliding.interface import SlidingInterface
+from ruptfx.interfaces.sliding.interface import SlidingInterface
 
 pytestmark = pytest.mark.fem
 

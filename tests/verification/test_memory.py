@@ -18,9 +18,9 @@ from scipy import sparse
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import simulation
 from ruptfx.case import Case, parse_case
-from ruptfx.recording.recorder import Recorder
+from ruptfx.run import simulation
+from ruptfx.run.recording.recorder import Recorder
 
 pytestmark = pytest.mark.fem
 

@@ -14,17 +14,16 @@ from scipy.integrate import cumulative_simpson, trapezoid
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
+from ruptfx.bodies.meshes import RawMesh
 from ruptfx.case import Case, parse_case
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.implicit.solution import Solution
-from ruptfx.meshes import RawMesh
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.record import Record
-from ruptfx.recording.sampling import Samples
-from ruptfx.steppers.hybrid import HybridMotion
-from ruptfx.support import UnsupportedError
+from ruptfx.case.support import UnsupportedError
+from ruptfx.platform import fem, parallel
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.recording.sampling import Samples
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.implicit.solution import Solution
+from ruptfx.stepping.steppers.hybrid import HybridMotion
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 COMM = fem.MPI.COMM_WORLD

@@ -14,9 +14,9 @@ from helpers.labels import label_faults
 from helpers.messages import says
 from PIL import Image
 
-from ruptfx.results.run_files import write_json
-from ruptfx.study import mode_map, read_study
-from ruptfx.study.table import rows, write_csv
+from ruptfx.many_runs.study import mode_map, read_study
+from ruptfx.many_runs.study.table import rows, write_csv
+from ruptfx.platform.run_files import write_json
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 READY = "document.querySelectorAll('.point').length > 0"

@@ -12,18 +12,18 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case
-from ruptfx.checks.preflight import preflight
-from ruptfx.faults.projection import ProjectionError
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.faults.projection import ProjectionError
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
 LAW = """
 import numpy as np
-from ruptfx.friction import FrictionLaw
-from ruptfx.units import VaryingCoefficient
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.input.units import VaryingCoefficient
 
 class Own(FrictionLaw):
     "A law."

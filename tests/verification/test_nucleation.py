@@ -10,12 +10,12 @@ from helpers.small_cases import SPLIT, case
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.analysis import rupture_origin
+from ruptfx.bodies.state import State
 from ruptfx.case import Case
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
-from ruptfx.simulation import simulate
-from ruptfx.state import State
+from ruptfx.input.schema import CaseError
+from ruptfx.results.analysis import rupture_origin
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 

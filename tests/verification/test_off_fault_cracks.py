@@ -14,8 +14,8 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 RIGID = {"kind": "split_node"}

@@ -12,14 +12,14 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError
+from ruptfx.bodies.meshes import RawMesh
+from ruptfx.bodies.meshes.two_plates import TwoPlates
+from ruptfx.bodies.space.bodies import tied_facets
 from ruptfx.case import parse_case
-from ruptfx.meshes import RawMesh
-from ruptfx.meshes.two_plates import TwoPlates
-from ruptfx.model import Model
-from ruptfx.platform import parallel
-from ruptfx.schema import CaseError
-from ruptfx.space.bodies import tied_facets
+from ruptfx.input.schema import CaseError
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

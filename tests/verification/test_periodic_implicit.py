@@ -11,11 +11,10 @@ from helpers.small_cases import COMPLIANT, HOMALITE, case, march, merged, plates
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
 from ruptfx.case import parse_case
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model
-from ruptfx.platform import parallel
+from ruptfx.platform import fem, parallel
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

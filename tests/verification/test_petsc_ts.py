@@ -13,10 +13,10 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
-from ruptfx.spectrum import stable_time_step
+from ruptfx.input.schema import CaseError
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

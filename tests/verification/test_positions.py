@@ -13,17 +13,18 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts, says
 
-from ruptfx import RuptfxError, fem, simulate
+from ruptfx import RuptfxError, simulate
+from ruptfx.app.checks.preflight import preflight
+from ruptfx.bodies.meshes.two_plates import TwoPlates
+from ruptfx.bodies.space.bodies import distribute
+from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.case import parse_case
-from ruptfx.checks.preflight import preflight
-from ruptfx.faults.interface import Interface, build_interface
-from ruptfx.meshes.two_plates import TwoPlates
-from ruptfx.model import Model
-from ruptfx.plots._record import along
-from ruptfx.schema import CaseError
-from ruptfx.space.bodies import distribute
-from ruptfx.space.nodes import Nodes
-from ruptfx.steppers.quasi_static import slip_to_resolve
+from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.faults.interface import Interface, build_interface
+from ruptfx.platform import fem
+from ruptfx.results.plots._record import along
+from ruptfx.run.model import Model
+from ruptfx.stepping.steppers.quasi_static import slip_to_resolve
 
 pytestmark = pytest.mark.fem
 

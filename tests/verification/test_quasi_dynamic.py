@@ -14,11 +14,11 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx.implicit import ConvergenceError
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
-from ruptfx.simulation import simulate
-from ruptfx.steppers.quasi_dynamic import QuasiDynamicMotion
+from ruptfx.input.schema import CaseError
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamicMotion
 
 pytestmark = pytest.mark.fem
 

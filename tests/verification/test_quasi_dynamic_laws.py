@@ -13,16 +13,16 @@ from helpers.small_cases import HOMALITE, case, memory_friction, merged, plates
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
-from ruptfx.friction import FrictionLaw
-from ruptfx.friction.prakash_clifton import PrakashClifton
-from ruptfx.friction.rate_and_state_power_law import RateAndStatePowerLaw
-from ruptfx.friction.time_weakening import TimeWeakening
-from ruptfx.friction.velocity_weakening_over_slip import VelocityWeakeningOverSlip
-from ruptfx.implicit import ConvergenceError
-from ruptfx.model import Model
-from ruptfx.simulation import simulate
-from ruptfx.steppers._evolution import AnyState
-from ruptfx.steppers.quasi_dynamic import QuasiDynamicMotion
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.friction.prakash_clifton import PrakashClifton
+from ruptfx.laws.friction.rate_and_state_power_law import RateAndStatePowerLaw
+from ruptfx.laws.friction.time_weakening import TimeWeakening
+from ruptfx.laws.friction.velocity_weakening_over_slip import VelocityWeakeningOverSlip
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.steppers._evolution import AnyState
+from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamicMotion
 
 pytestmark = pytest.mark.fem
 

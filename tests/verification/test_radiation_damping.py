@@ -10,7 +10,7 @@ from helpers.small_cases import HOMALITE, case
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.model import Model
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -15,13 +15,13 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx import simulate
-from ruptfx.analysis.ground_motion import speeds_of
+from ruptfx.app.convert import vtk_files
 from ruptfx.case import parse_case
-from ruptfx.convert import vtk_files
-from ruptfx.model import Model
-from ruptfx.record import Record
-from ruptfx.recording.sampling import Samples
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.results.analysis.ground_motion import speeds_of
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.recording.sampling import Samples
 
 pytestmark = pytest.mark.fem
 

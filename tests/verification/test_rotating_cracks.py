@@ -12,10 +12,10 @@ from helpers.small_cases import march, merged
 pytest.importorskip("dolfinx")
 
 from benchmarks.collisions import NEVER, Flight, pair
-from ruptfx import stages
+from ruptfx.bodies.space.closest import closest
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.space.closest import closest
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -20,12 +20,12 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case, read_case
-from ruptfx.checks.preflight import preflight
-from ruptfx.model import Model
 from ruptfx.platform.launch import find_mpiexec
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 

@@ -9,12 +9,12 @@ import pytest
 from helpers.messages import facts
 from helpers.small_cases import strike_slip
 
+from ruptfx.bodies.meshes.box_with_fault import BoxWithFault
+from ruptfx.bodies.state import State
 from ruptfx.case import parse_case
-from ruptfx.meshes.box_with_fault import BoxWithFault
-from ruptfx.model import Model
-from ruptfx.profiles.self_affine_surface import SelfAffineSurface
-from ruptfx.schema import CaseError
-from ruptfx.state import State
+from ruptfx.input.profiles.self_affine_surface import SelfAffineSurface
+from ruptfx.input.schema import CaseError
+from ruptfx.run.model import Model
 
 ROUGH = {
     "kind": "self_affine_surface", "rms": 1e-4, "hurst": 0.7, "length": 16e-3, "longest": 8e-3, "shortest": 3e-3,

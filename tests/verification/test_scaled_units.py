@@ -9,9 +9,9 @@ import pytest
 from helpers.small_cases import case
 
 from ruptfx import gradient
-from ruptfx.adjoint.gradients import Objective
 from ruptfx.case import Case
-from ruptfx.model import Model
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -16,9 +16,9 @@ pytest.importorskip("gmsh")
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
+from ruptfx.bodies.state import State
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
-from ruptfx.state import State
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -9,9 +9,9 @@ from helpers.small_cases import advance
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import stages
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -19,14 +19,15 @@ pytest.importorskip("dolfinx")
 from helpers.messages import facts
 
 from benchmarks import westergaard
-from ruptfx import RuptfxError, stages
+from ruptfx import RuptfxError
+from ruptfx.bodies.state import State
 from ruptfx.case import parse_case
-from ruptfx.implicit import ConvergenceError, condensed
-from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model
-from ruptfx.record import Record
-from ruptfx.state import State
-from ruptfx.steppers.quasi_static import EASY
+from ruptfx.results.record import Record
+from ruptfx.run import stages
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import ConvergenceError, condensed
+from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.steppers.quasi_static import EASY
 
 pytestmark = pytest.mark.fem
 

@@ -11,10 +11,10 @@ from helpers.sliding_cases import rough
 from helpers.whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on, stopped
 
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.record import Record
-from ruptfx.simulation import simulate
-from ruptfx.sliding.contact_states import contact_states
+from ruptfx.interfaces.sliding.contact_states import contact_states
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 

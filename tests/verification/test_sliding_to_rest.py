@@ -9,7 +9,7 @@ from scipy.integrate import quad
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import Case, parse_case
-from ruptfx.model import Model
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

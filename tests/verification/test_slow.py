@@ -19,14 +19,15 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import says
 
-from ruptfx import plots, simulation
 from ruptfx.case import parse_case
-from ruptfx.fem import MPI
-from ruptfx.implicit import ConvergenceError
-from ruptfx.model import Model
-from ruptfx.plots._record import is_uneven
-from ruptfx.record import Record
-from ruptfx.simulation import Interrupted, simulate
+from ruptfx.platform.fem import MPI
+from ruptfx.results import plots
+from ruptfx.results.plots._record import is_uneven
+from ruptfx.results.record import Record
+from ruptfx.run import simulation
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import Interrupted, simulate
+from ruptfx.stepping.implicit import ConvergenceError
 
 pytestmark = pytest.mark.fem
 

@@ -11,10 +11,10 @@ from helpers.crack_cases import HERE, joined_bar
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
-from ruptfx.implicit import ConvergenceError
-from ruptfx.implicit.forces import Forces
-from ruptfx.model import Model
 from ruptfx.platform import parallel
+from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit.forces import Forces
 
 pytestmark = pytest.mark.fem
 WIDTH, HEIGHT, STRENGTH, MODULUS = 4e-3, 8e-3, 4e6, 50e9

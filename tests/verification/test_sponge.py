@@ -14,8 +14,8 @@ from helpers.messages import facts
 
 from benchmarks import sponge as bench
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

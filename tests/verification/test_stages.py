@@ -15,12 +15,13 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
-from ruptfx import RuptfxError, stages
-from ruptfx.boundaries import PrescribedMotion
+from ruptfx import RuptfxError
+from ruptfx.bodies.boundaries import PrescribedMotion
 from ruptfx.case import parse_case
-from ruptfx.model import Model
-from ruptfx.simulation import simulate
-from ruptfx.stages import Staged
+from ruptfx.run import stages
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
+from ruptfx.run.stages import Staged
 
 pytestmark = pytest.mark.fem
 

@@ -10,16 +10,16 @@ import pytest
 from helpers.messages import facts
 
 from ruptfx import Table
+from ruptfx.app.checks.stress import stress_rows
+from ruptfx.bodies.initial_stress import tractions
+from ruptfx.bodies.initial_stress.depth import Depth
+from ruptfx.bodies.initial_stress.uniform import Uniform
 from ruptfx.case import Case, parse_case
-from ruptfx.checks.stress import stress_rows
-from ruptfx.faults.initial_stress import InitialStress
-from ruptfx.initial_stress import tractions
-from ruptfx.initial_stress.depth import Depth
-from ruptfx.initial_stress.uniform import Uniform
-from ruptfx.mechanisms._check_table import Row
-from ruptfx.model import Model
-from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.schema import CaseError, set_key
+from ruptfx.input.schema import CaseError, set_key
+from ruptfx.interfaces.faults.initial_stress import InitialStress
+from ruptfx.interfaces.mechanisms.checks.table import Row
+from ruptfx.run.model import Model
+from ruptfx.run.recording.bulk_fields import BulkFields
 
 VERTICAL, PORES = 2700 * 9.8, 9800.0  # Pa per metre of depth, TPV12 and TPV13
 EFFECTIVE = VERTICAL - PORES
@@ -45,7 +45,7 @@ SECTION: Table = {"kind": "two_plates", "length": 8e-3, "height": 4e-3, "element
 
 
 SAND = """
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 
 class Sand(IsotropicElastic):
     def stress(self, strain, state, dt):

@@ -14,8 +14,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from ruptfx.study import read_csv
-from ruptfx.study.table import TIMINGS
+from ruptfx.many_runs.study import read_csv
+from ruptfx.many_runs.study.table import TIMINGS
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow, pytest.mark.faults]
 pytest.importorskip("dolfinx")
@@ -54,7 +54,7 @@ def solvers(tmp_path: Path) -> list[psutil.Process]:
     found = []
     for process in psutil.process_iter(["cmdline", "environ"]):
         mine = (process.info["environ"] or {}).get("RUPTFX_TEST") == str(tmp_path)
-        if mine and "ruptfx.study.case_server" in process.info["cmdline"] and "-n" not in process.info["cmdline"]:
+        if mine and "ruptfx.many_runs.study.case_server" in process.info["cmdline"] and "-n" not in process.info["cmdline"]:
             found.append(process)
     return found
 

@@ -18,10 +18,10 @@ from helpers.messages import facts
 
 from ruptfx import simulate
 from ruptfx.case import parse_case
-from ruptfx.faults.interface import local_frame
-from ruptfx.instruments._readings import ModelReadings
-from ruptfx.model import Model
-from ruptfx.schema import CaseError
+from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.faults.interface import local_frame
+from ruptfx.readings.instruments.model_readings import ModelReadings
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -292,7 +292,7 @@ def test_check_warns_of_patches_that_the_mesh_does_not_resolve() -> None:
     In one direction the weights are 1/3 mm at ends of elements and 2/3 mm in their middles. From -1.2 to 1.2 mm
     there are 5 nodes with 3 x 1/3 + 2 x 2/3 = 7/3 mm of 2.4 mm; from -3 to 3 mm the ends count half, exactly 6 mm.
     """
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     def row(strike: list[float], dip: list[float]) -> Any:
         shear = {"kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": strike, "dip": dip}
@@ -318,7 +318,7 @@ def test_check_counts_the_points_of_a_strip(down_dip: bool) -> None:
 
     The edge of a boxcar belongs to it: 7 points from -1.5 to 1.5 mm stand for 11/3 mm, and from -3 to 3 mm for 19/3 mm.
     """
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     def row(width: float, kind: str = "boxcar") -> Any:
         shape = {"boxcar": {"half_width": width}, "gaussian": {"width": width}}[kind]
@@ -362,7 +362,7 @@ def test_a_strip_without_a_point_of_the_surface_is_refused() -> None:
 
 def test_check_warns_of_a_profile_whose_strip_is_beyond_the_surface() -> None:
     """It has its outer value; several interfaces may have the same profile."""
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     boxcar = {"kind": "boxcar", "inside": 3.7e6, "outside": 2.8e6, "half_width": 1e-3, "center": 20e-3}
     rows = preflight(parse_case(strike_slip({"faults.main.initial_stress.shear": boxcar})))
@@ -372,7 +372,7 @@ def test_check_warns_of_a_profile_whose_strip_is_beyond_the_surface() -> None:
 
 def test_the_area_of_a_patch_is_that_in_the_plane_of_a_rough_fault() -> None:
     """Slopes of 0.4 (RMS) add 8 % to the area of the surface; that in the plane follows from normals at nodes."""
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     wave = {"kind": "sinusoid", "mean": 0.0, "amplitude": 0.55e-3, "wavelength": 6e-3}
     shear = {"kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": [-3e-3, 3e-3], "dip": [1e-3, 5e-3]}
@@ -388,7 +388,7 @@ def test_the_area_of_a_patch_is_that_in_the_plane_of_a_rough_fault() -> None:
 @pytest.mark.parametrize("dip, down", [(90.0, "(0, 0, -1)"), (60.0, "(0, 0.5, -0.866)")])
 def test_check_prints_the_direction_of_positions_down_dip(dip: float, down: str, rough: bool) -> None:
     """(0, cos 60, -sin 60), also if the fault ends within a wave, so that the mean of its tangents is tilted."""
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     wave = {"kind": "sinusoid", "mean": 0.0, "amplitude": 0.5e-3, "wavelength": 6e-3}
     height = {"mesh.height": {"kind": "along_dip", "profile": wave}} if rough else {}
@@ -406,7 +406,7 @@ def test_check_prints_the_direction_of_positions_down_dip(dip: float, down: str,
 
 def test_check_counts_the_points_of_a_disc() -> None:
     """A nucleation around a point of the surface, on nodes every 0.5 mm."""
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     table = strike_slip({"faults.main.initial_stress.shear": 2.8e6})
     patch = {"kind": "smooth_patch", "extra": 1e6, "center": {"x": 0.0, "y": 0.0, "z": -4e-3}, "rise": 1e-6}
@@ -428,7 +428,7 @@ def test_check_judges_a_smooth_disc_by_its_integral(kind: str, size: float, verd
     """
     from scipy.integrate import quad
 
-    from ruptfx.checks.preflight import preflight
+    from ruptfx.app.checks.preflight import preflight
 
     def taper(r: float) -> float:
         if r <= size or r >= size + 2e-3:

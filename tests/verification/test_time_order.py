@@ -20,7 +20,7 @@ from benchmarks.time_order import (
     slip_law_rupture,
 )
 from ruptfx.case import parse_case
-from ruptfx.model import Model
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.model import Model
-from ruptfx.simulation import simulate
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
 
 pytestmark = pytest.mark.fem
 HEIGHT, LENGTH = 8e-3, 12e-3  # m, of both plates together

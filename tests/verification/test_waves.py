@@ -10,8 +10,8 @@ from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, advance, case, guide
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
-from ruptfx.model import Model
+from ruptfx.platform import fem
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 

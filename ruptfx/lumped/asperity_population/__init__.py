@@ -9,13 +9,13 @@ import xarray
 from pydantic import Field
 
 from ruptfx import Table
-from ruptfx.friction._rate_and_state import RateAndState
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
-from ruptfx.friction.rate_and_state_slip import RateAndStateSlip
+from ruptfx.input.units import Duration, Length, Positive, Speed, Strength
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.laws.friction.rate_and_state_base import RateAndState
+from ruptfx.laws.friction.rate_and_state_slip import RateAndStateSlip
 from ruptfx.lumped import LumpedModel, Progress, silent, variable
 from ruptfx.lumped.asperity_population.law_fit import Trace
 from ruptfx.lumped.asperity_population.population import Asperity, Population
-from ruptfx.units import Duration, Length, Positive, Speed, Strength
 
 LAWS: dict[str, type[RateAndState]] = {"ageing": RateAndStateAgeing, "slip": RateAndStateSlip}
 

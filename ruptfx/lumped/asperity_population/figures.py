@@ -6,7 +6,7 @@ import numpy as np
 import xarray
 from matplotlib.figure import Figure
 
-from ruptfx.figure_style import ACCENT, STEADY, STICK_SLIP, letter, new_figure, remark, styled
+from ruptfx.results.figure_style import ACCENT, STEADY, STICK_SLIP, letter, new_figure, remark, styled
 
 LAWS = (("ageing", "-", STICK_SLIP), ("slip", "--", STEADY))
 

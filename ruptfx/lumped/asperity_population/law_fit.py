@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ruptfx import RuptfxError
-from ruptfx.friction._rate_and_state import RateAndState
+from ruptfx.laws.friction.rate_and_state_base import RateAndState
 
 
 @dataclass(frozen=True)

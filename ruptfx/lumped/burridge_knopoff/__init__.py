@@ -8,9 +8,9 @@ import numpy as np
 import xarray
 from pydantic import Field
 
+from ruptfx.input.units import NonNegative, Positive, Speed
 from ruptfx.lumped import LumpedModel, Progress, silent, variable
 from ruptfx.lumped.burridge_knopoff.chain import Chain, Event, load, slip_event
-from ruptfx.units import NonNegative, Positive, Speed
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
 

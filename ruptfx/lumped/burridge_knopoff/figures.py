@@ -8,7 +8,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from ruptfx.figure_style import RATE_MAP, STEADY, STICK_SLIP, letter, new_figure, remark, styled
+from ruptfx.results.figure_style import RATE_MAP, STEADY, STICK_SLIP, letter, new_figure, remark, styled
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:

@@ -17,9 +17,9 @@ import xarray
 from pydantic import Field, model_validator
 from scipy.stats import beta
 
+from ruptfx.input.units import Fraction, NonNegative, Positive, Speed
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
 from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface
-from ruptfx.units import Fraction, NonNegative, Positive, Speed
 
 Coefficient = NonNegative
 Count = Annotated[int, Field(ge=1)]

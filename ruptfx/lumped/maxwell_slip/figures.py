@@ -6,7 +6,17 @@ import numpy as np
 import xarray
 from matplotlib.figure import Figure
 
-from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, UNDECIDED, WIDTH, blank_figure, letter, styled
+from ruptfx.results.figure_style import (
+    ACCENT,
+    ONE_COLUMN,
+    STEADY,
+    STICK_SLIP,
+    UNDECIDED,
+    WIDTH,
+    blank_figure,
+    letter,
+    styled,
+)
 
 _COLOURS = {"stick-slip": STICK_SLIP, "steady": STEADY, "undecided": UNDECIDED}
 

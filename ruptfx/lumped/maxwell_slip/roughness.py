@@ -12,9 +12,9 @@ from scipy.signal import fftconvolve
 
 from ruptfx import RuptfxError
 from ruptfx.input.number_files import NumberTable, read_table, require_increasing
-from ruptfx.schema import CasePath, Part
-from ruptfx.units import Fraction as Share
-from ruptfx.units import Length, Modulus, Positive
+from ruptfx.input.schema import CasePath, Part
+from ruptfx.input.units import Fraction as Share
+from ruptfx.input.units import Length, Modulus, Positive
 
 Pressure = Modulus
 _GAUSSIAN_TO_RA = np.sqrt(2 / np.pi)  # R_a / R_q of Gaussian heights

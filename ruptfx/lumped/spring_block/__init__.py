@@ -9,6 +9,7 @@ import xarray
 from pydantic import Field, model_validator
 
 from ruptfx import RuptfxError
+from ruptfx.input.units import Duration, Fraction, Length, NonNegative, Positive, Rate, Speed
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
 from ruptfx.lumped.spring_block.chain import Chain, History, Integrator
 from ruptfx.lumped.spring_block.events import (
@@ -21,7 +22,6 @@ from ruptfx.lumped.spring_block.events import (
     local_speeds,
     slow_fronts,
 )
-from ruptfx.units import Duration, Fraction, Length, NonNegative, Positive, Rate, Speed
 
 Count = Annotated[int, Field(ge=1)]
 

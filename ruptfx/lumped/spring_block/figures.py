@@ -7,8 +7,8 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
 from ruptfx.lumped.spring_block.events import Breaks, Event, local_speeds
+from ruptfx.results.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:

@@ -9,15 +9,15 @@ import numpy as np
 import xarray
 from pydantic import Discriminator, Tag, model_validator
 
-from ruptfx.friction import AnyFriction
-from ruptfx.friction._rate_and_state import RateAndState
-from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.input.units import NonNegative, Positive
+from ruptfx.laws.friction import AnyFriction
+from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.laws.friction.rate_and_state_base import RateAndState
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent
 from ruptfx.lumped.spring_slider.fit import Fit
 from ruptfx.lumped.spring_slider.protocols import Experiment, ModulatedSpeed, SlideHoldSlide, VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness
 from ruptfx.lumped.spring_slider.stability import Bifurcation, ModulatedLoad, StabilityDiagram
-from ruptfx.units import NonNegative, Positive
 
 _EXPERIMENTS = (VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, StabilityDiagram, Bifurcation, Fit)
 

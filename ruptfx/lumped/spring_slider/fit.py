@@ -15,10 +15,10 @@ from scipy.stats import t as student
 
 from ruptfx import RuptfxError
 from ruptfx.input.number_files import read_table, require_increasing
+from ruptfx.input.schema import CasePath
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment
 from ruptfx.lumped.spring_slider.slider import Slider, integrate
-from ruptfx.schema import CasePath
 
 _COLUMNS = {"time": "s", "drive_speed": "m/s", "friction": "1"}
 _FITTED = ("a", "b", "D_c", "f_0")

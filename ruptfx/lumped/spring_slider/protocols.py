@@ -10,10 +10,10 @@ import xarray
 from pydantic import Field
 
 from ruptfx import Table
+from ruptfx.input.schema import Part
+from ruptfx.input.units import Duration, Length, Speed
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.slider import Slider, Trajectory, integrate
-from ruptfx.schema import Part
-from ruptfx.units import Duration, Length, Speed
 
 Samples = Annotated[int, Field(ge=20, le=1_000_000)]
 

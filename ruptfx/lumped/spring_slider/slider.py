@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 from scipy.sparse import identity, kron
 
 from ruptfx import RuptfxError
-from ruptfx.friction._rate_and_state import RateAndState
+from ruptfx.laws.friction.rate_and_state_base import RateAndState
 
 RUNAWAY = 1.0  # m/s; a quasi-static slider as fast as this would be held back by its inertia
 STUCK = 10_000  # evaluations at one time; SciPy's LSODA in Fortran goes on for ever where rates are infinite

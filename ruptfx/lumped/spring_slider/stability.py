@@ -10,6 +10,7 @@ from pydantic import Field
 from scipy.optimize import brentq, fsolve
 
 from ruptfx import RuptfxError
+from ruptfx.input.units import Positive, Speed
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment, Samples
 from ruptfx.lumped.spring_slider.slider import (
@@ -20,7 +21,6 @@ from ruptfx.lumped.spring_slider.slider import (
     linear_rates,
     oscillates,
 )
-from ruptfx.units import Positive, Speed
 
 Amplitude = Annotated[float, Field(ge=0, lt=0.95)]
 

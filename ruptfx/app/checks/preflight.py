@@ -1,0 +1,184 @@
+"""Pre-flight checks of a case: resolution, critical lengths, costs (`ruptfx check`)."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from ruptfx.app.checks.loads import load_rows
+from ruptfx.app.checks.stress import stress_rows
+from ruptfx.bodies.space.inside import Inside
+from ruptfx.bodies.spectrum import stable_time_step
+from ruptfx.case import Case
+from ruptfx.input.schema import unit_of
+from ruptfx.interfaces.mechanisms.checks.plausibility import doubts, row_of
+from ruptfx.interfaces.mechanisms.checks.table import Plan, Row
+from ruptfx.laws import fracture
+from ruptfx.platform import fem
+from ruptfx.run import stages
+from ruptfx.run.cost import available, counts, measured, need_memory, rehearse
+from ruptfx.run.model import Model
+from ruptfx.stepping.steppers import Motion, leapfrog
+from ruptfx.stepping.stopping import StopRules
+
+NODES_PER_WAVELENGTH = 5
+
+
+def preflight(case: Case) -> Iterator[Row]:
+    """Yield the rows of the table; builds the model on this rank.
+
+    Raises
+    ------
+    RuptfxError
+        For all reasons for which a run would refuse the case.
+    """
+    started = time.process_time()
+    need_memory(case, fem.MPI.COMM_WORLD)
+    model = Model(case, fem.MPI.COMM_WORLD)
+    motion = stages.bind(model)
+    StopRules(model, model.case.stop_when)
+    built = time.process_time()
+    yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
+    for name, material in zip(model.bodies.names, model.materials, strict=True):
+        speeds = material.wave_speeds(case.plane)
+        yield from _variation_rows(model, name)
+        yield Row(f"{name}: c_p", speeds.c_p, "m/s", "plate speed c_l" if case.plane == "stress" else "")
+        note = f"sqrt(2) c_s = {np.sqrt(2) * speeds.c_s:.5g} m/s"
+        if not material.isotropic and np.isfinite(free := material.mach_free_speed(case.plane)):
+            note = f"no shear Mach front at v_c = {free:.5g} m/s"
+        yield Row(f"{name}: c_s", speeds.c_s, "m/s", note)
+        yield Row(f"{name}: c_R", speeds.c_R, "m/s")
+    own = [name for name in model.bodies.names if name in case.materials]
+    if "default" in case.materials and len(own) == len(model.bodies.names):
+        note = f"without effect, for every body has its own: {', '.join(own)}; remove it"
+        yield Row("materials.default", case.materials["default"].kind(), "", note, "warning")
+    if len(model.materials) > 1 and case.plane in ("stress", "strain") and model.faults:
+        yield from _pairing(model)
+    stable = stable_time_step(model)
+    yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
+    steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))
+    if steps is None:
+        yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
+    else:
+        yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
+    yield from load_rows(case)
+    yield from stress_rows(model)
+    plan = Plan(motion.dt, steps, stable, stages.loads_of(model, motion))
+    for each in model.mechanisms:
+        yield from each.check(plan)
+    if case.instruments:
+        yield from _instrument_rows(model, motion.dt)
+    yield from _camera_rows(case)
+    yield from (row_of(doubt) for doubt in doubts(model))
+    yield from _record_rows(case, steps)
+    yield from _cost(model, motion, steps, started, built)
+
+
+def _variation_rows(model: Model, name: str) -> Iterator[Row]:
+    """Yield the range of every parameter that varies in a body."""
+    number, varying = model.bodies.names.index(name), model.variation
+    if varying is None or not varying.varies(number):
+        return
+    values = varying.parameters(number, np.flatnonzero(model.bodies.cell_body == number))
+    for key, each in values.items():
+        note = f"it is {each.min():.6g} to {each.max():.6g} in the body; speeds below are those of the slowest S waves"
+        unit = unit_of(type(model.given[number]), key.partition(".")[0])
+        yield Row(f"{name}: {key} varies", float(each.mean()), unit, note)
+
+
+def _camera_rows(case: Case) -> Iterator[Row]:
+    """Yield the number of frames of each camera, and whether snapshots are as frequent."""
+    for camera in case.cameras:
+        interval, frames = case.intervals["bulk"], int((case.duration - camera.exposure) * camera.frame_rate) + 1
+        note = f"one every {1 / camera.frame_rate:.3g} s, from snapshots every {interval:.3g} s"
+        verdict: Literal["ok", "warning"] = "ok"
+        if interval > 1.01 / camera.frame_rate:
+            note += "; several between two snapshots: reduce output.bulk_interval"
+            verdict = "warning"
+        yield Row(f"cameras.{camera.name}: frames", max(frames, 0), "", note, verdict)
+
+
+def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:
+    """Yield the numbers of records and snapshots."""
+    for what, number in zip(("interface", "bulk"), counts(case, steps), strict=True):
+        interval, key = case.intervals[what], f"output.{what}_interval"
+        note = f"every {interval:.6g} s, and at the end" if interval < case.duration else "of the end alone"
+        if what == "interface":
+            note = note.replace("of the end alone", "of the start and the end alone")
+            every = case.output.interface_steps
+            note += "" if every is None else f"; also every {every} steps" + ", not counted here" * (steps is None)
+        yield Row(f"records: {what}", number, "", f"{note}; {key}")
+
+
+def generalized_rayleigh_speed(model: Model) -> float | None:
+    """Return the speed of the interface wave of the first and last body without friction [m/s], None if none exists."""
+    materials = [model.materials[0], model.materials[-1]]
+    speeds = [material.wave_speeds(model.case.plane) for material in materials]
+    moduli = [material.density * s.c_s**2 for material, s in zip(materials, speeds, strict=True)]
+    return fracture.generalized_rayleigh_speed(speeds, moduli)
+
+
+def _remembers(model: Model) -> bool:
+    """Return whether every fault has a state variable in units of stress, a memory of the normal stress."""
+    return all("Pa" in fault.friction.all_state_fields().values() for fault in model.faults)
+
+
+def _pairing(model: Model) -> Iterator[Row]:
+    first, second = model.materials[0], model.materials[-1]
+    if first == second:
+        yield Row("generalized Rayleigh speed", first.wave_speeds(model.case.plane).c_R, "m/s", "identical bodies: c_R")
+        return
+    speed = generalized_rayleigh_speed(model)
+    if speed is None:
+        yield Row("generalized Rayleigh speed", "none", "", "Coulomb friction is well-posed for small coefficients")
+    else:
+        yield Row(
+            "generalized Rayleigh speed", speed, "m/s",
+            "exists: Coulomb friction is ill-posed at any coefficient; use normal-stress memory (prakash_clifton)",
+            "ok" if _remembers(model) else "warning",
+        )  # fmt: skip
+
+
+def _cost(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Iterator[Row]:
+    """Yield memory, files and time of the whole command, from a rehearsal."""
+    found, there = rehearse(model, motion, steps, started, built), available()
+    if there is None or found.memory < there:
+        yield Row("memory", found.memory / 1e6, "MB", "of one rank; more ranks share the mesh")
+    else:
+        note = f"{there / 1e6:.0f} MB are free here: take a larger mesh.element_size, or another machine"
+        yield Row("memory", found.memory / 1e6, "MB", note, "error")
+    if steps is None:
+        yield Row("time of a step", found.step, "s", "processor time on one rank; how many there are is not known")
+        return
+    free = shutil.disk_usage(".").free
+    smaller = ", before compression" * bool(model.case.output.bulk_compression)
+    note = f"on disk, without checkpoints{smaller}; {free / 1e9:.3g} GB are free here"
+    yield Row("files", found.disk / 1e6, "MB", note, "ok" if found.disk < free else "warning")
+    parts = f"{steps} steps of {found.step:.3g} s, records and pictures; processor time on one rank"
+    parts += "; stop_when may end it before" * (model.case.stop_when is not None)
+    yield Row("expected run time", found.time, "s", parts)
+
+
+def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
+    """Yield the largest frequency that each instrument resolves, and the reason for the limit."""
+    speed = float(model.wave_speeds().c_s)
+    for number, (instrument, channels) in enumerate(measured(model, dt)):
+        often = 0.5 / instrument.interval
+        highest = min(often, instrument.bandwidth or often)
+        verdict: Literal["ok", "warning"] = "ok"
+        notes = [f"{len(channels)} numbers every {instrument.interval:.3g} s: Nyquist frequency {often:.3g} Hz"]
+        if instrument.bandwidth is not None and instrument.bandwidth > often:
+            notes.append(f"the bandwidth of {instrument.bandwidth:.3g} Hz passes more: reduce the interval")
+            verdict = "warning"
+        sizes = [Inside(model, point, body, f"instruments.{number}").element_size for point, body in instrument.points]
+        if sizes:
+            spacing = max(sizes) / model.case.order
+            carried = speed / (NODES_PER_WAVELENGTH * spacing)
+            notes.append(f"the mesh carries S waves to {carried:.3g} Hz, {NODES_PER_WAVELENGTH} nodes per wavelength")
+            if 0 < instrument.extent < spacing:
+                notes.append(f"shorter than the {spacing:.3g} m between nodes: it measures as at a point")
+        yield Row(f"instruments.{instrument.name}: highest frequency", highest, "Hz", "; ".join(notes), verdict)

@@ -1,0 +1,99 @@
+"""Table and figure of `ruptfx compare RUN FILE`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from ruptfx.app.commands._shared import screen
+from ruptfx.input.quantities import with_prefix
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.results.analysis.measured import Pair
+
+MOST = 8  # panels of a figure
+
+
+def show(
+    run: Path, file: Path, instrument: str | None, channel: str | None, most: float | None, shift: float, out: Path
+) -> None:
+    """Print misfits and time shifts of measured signals, and save a figure with both."""
+    from ruptfx.app.convert.scec_files import channels
+    from ruptfx.results.analysis.measured import compare_with_file
+    from ruptfx.results.record import Files
+
+    with Files(run) as record:
+        pairs = compare_with_file(record, file, instrument, channel, most, shift, lambda name: channels(record, name))
+    table = Table("channel", "misfit", "best time shift", "misfit then", "measured/computed", box=None, pad_edge=False)
+    for pair in pairs.values():
+        found = pair.result
+        table.add_row(pair.label, _percent(found.misfit), with_prefix(found.shift, "s") if found.shift else "0",
+                      _percent(found.shifted), f"{found.ratio:.3g}")  # fmt: skip
+    screen.print(table)
+    if opposite := [pair.label for pair in pairs.values() if pair.result.ratio < 0]:
+        screen.print(
+            f"{', '.join(opposite)}: of opposite sign at every time shift tried, and not shifted; the file may define "
+            "the sign in another way.", soft_wrap=True,
+        )  # fmt: skip
+    if any(pair.result.limited for pair in pairs.values()):
+        screen.print("A shift is the largest one tried: the best may lie beyond; try --most-shift.", soft_wrap=True)
+    screen.print(
+        "misfit: rms(computed - measured) / rms(measured); time shift: delay of the measured signal, at the best "
+        "agreement in shape; measured/computed: ratio of amplitudes then", soft_wrap=True,
+    )  # fmt: skip
+    out.parent.mkdir(parents=True, exist_ok=True)
+    overlay(list(pairs.values()), file.name).savefig(out, dpi=150)
+    screen.print(f"Picture: {out}", soft_wrap=True)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %"
+
+
+def overlay(pairs: list[Pair], measured: str) -> Figure:
+    """Draw a panel per channel: measured, computed, and computed after the best time shift."""
+    import numpy as np
+
+    from ruptfx.results.figure_style import MUTED, known_unit, letter, new_figure, remark, scale, styled
+
+    @styled
+    def draw() -> Figure:
+        shown = pairs[:MOST]
+        columns = min(len(shown), 2)
+        rows = -(-len(shown) // columns)
+        figure, axes = new_figure(rows, columns, 0.7 + 1.8 * rows, sharex=True)
+        t_size, t_unit = scale(shown[0].computed_time[-1], "s")
+        for ax, pair in zip(axes.ravel(), shown, strict=False):
+            both = np.concatenate([pair.computed, pair.measured])
+            size, unit = (0.01, "%") if pair.unit == "1" else (
+                scale(both, pair.unit) if known_unit(pair.unit) else (1.0, pair.unit))  # fmt: skip
+            found = pair.result
+            label = f"measured: {measured}"
+            ax.plot(pair.measured_time / t_size, pair.measured / size, color=MUTED, lw=2.0, label=label)
+            ax.plot(pair.computed_time / t_size, pair.computed / size, color="#c1440e", label="computed")
+            if found.shift:
+                late = (pair.computed_time + found.shift) / t_size
+                delayed = "computed, at the best time shift"
+                ax.plot(late, pair.computed / size, "--", color="#1a1a1a", lw=0.8, label=delayed)
+            first = min(pair.computed_time[0], pair.computed_time[0] + found.shift)
+            ax.set_xlim(first / t_size, pair.computed_time[-1] / t_size)
+            ax.set_ylabel(f"{pair.label} ({unit})".replace(pair.label[0], pair.label[0].upper(), 1))
+            then = f"; {_percent(found.shifted)} at {with_prefix(found.shift, 's')}".replace("us", "µs")
+            ax.set_title(f"misfit {_percent(found.misfit)}{then if found.shift else ''}", loc="right")
+        for ax in axes.ravel()[: len(shown)][-columns:]:
+            ax.set_xlabel(f"Time ({t_unit})")
+            ax.tick_params(labelbottom=True)
+        for ax in axes.ravel()[len(shown) :]:
+            ax.set_visible(False)
+        lines = {text: line for ax in axes.ravel() for line, text in zip(*ax.get_legend_handles_labels(), strict=True)}
+        figure.legend(list(lines.values()), list(lines), loc="outside upper left", ncols=3)
+        left = len(pairs) - len(shown)
+        remark(figure, f"{left} more channels do not fit here; choose one with --channel." if left else "")
+        letter(axes.ravel()[: len(shown)])
+        return figure
+
+    return draw()

@@ -1,0 +1,117 @@
+"""`ruptfx check`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import typer
+from rich.table import Column, Table
+
+from ruptfx.app.commands._shared import EXIT_ERROR, CaseFile, Overrides, begin, reported, screen
+from ruptfx.input.quantities import factor, with_prefix
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.mechanisms.checks.table import Row
+
+HEADING = "Compute"
+
+COLOURS = {"error": "red", "warning": "yellow"}
+
+
+def check(case: CaseFile, set_: Overrides = None) -> None:
+    """Check a case before it runs: lengths, resolution, warnings, time, memory, disk; exit non-zero on an error.
+
+    Example: ruptfx check demos/impact.toml --set mesh.element_size="2 mm"
+    """
+    begin(f"reading {case}")
+    with reported():
+        from ruptfx.case import Case, read_case
+        from ruptfx.platform.progress import working
+
+        parsed = read_case(case, set_ or [])
+        if not isinstance(parsed, Case):
+            from ruptfx.lumped import TRIAL, extreme, rehearse
+
+            with working("computing the case"):
+                whole = rehearse(parsed)
+            screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
+            if not whole:
+                screen.print(f"It was computed for {TRIAL:g} s without an error, and not to its end.")
+            for number in extreme(parsed):
+                screen.print(f"warning: far from the usual: {number}", style="yellow")
+            return
+        with working("building the model, and measuring its steps"):
+            from ruptfx.app.checks.preflight import preflight
+
+            rows = merged(list(preflight(parsed)))
+        note = Column("note", overflow="fold")
+        table = Table("quantity", "value", "unit", note, title=parsed.title or str(case), title_justify="left")
+        said = [row for row in rows if row.verdict != "ok"]
+        for row in rows:
+            value, unit = engineering(row)
+            text = readable(row.note) if row.verdict == "ok" else f"{row.verdict} {said.index(row) + 1}, below"
+            table.add_row(row.quantity, value, unit, text, style=COLOURS.get(row.verdict, ""))
+        screen.print(table)
+        for order, row in enumerate(said, 1):
+            value = " ".join(filter(None, engineering(row)))
+            sentence = f"{row.verdict} {order}: {row.quantity} = {value}: {readable(row.note)}"
+            screen.print(sentence, style=COLOURS[row.verdict], soft_wrap=True)
+        if any(row.verdict == "error" for row in said):
+            raise typer.Exit(EXIT_ERROR)
+
+
+def merged(rows: list[Row]) -> list[Row]:
+    """Return the rows with those of bodies that say the same as one: "upper, lower: c_p"."""
+    found: dict[Row, list[str]] = {}
+    for row in rows:
+        owner, colon, what = row.quantity.partition(": ")
+        found.setdefault(replace(row, quantity=what if colon else row.quantity), []).append(owner if colon else "")
+    return [
+        replace(row, quantity=f"{listed(list(dict.fromkeys(owners)))}: {row.quantity}" if owners[0] else row.quantity)
+        for row, owners in found.items()
+    ]
+
+
+def listed(names: list[str]) -> str:
+    """Return up to three names in full, and of more the first and the last with their number."""
+    return ", ".join(names) if len(names) < 4 else f"{names[0]} to {names[-1]} ({len(names)})"
+
+
+def engineering(row: Row) -> tuple[str, str]:
+    """Return value and unit of a row as text; times, stresses and lengths with the prefix that suits them."""
+    scaled = row.unit in ("s", "Pa", "m")
+    if isinstance(row.value, str):
+        span = _SPAN.fullmatch(row.value) if scaled else None
+        return _span(float(span[1]), float(span[2]), row.unit) if span else (row.value, row.unit)
+    if not scaled:
+        return f"{row.value:.5g}" if isinstance(row.value, float) else str(row.value), row.unit
+    number, _, unit = with_prefix(row.value, row.unit, 4).partition(" ")
+    return number, unit
+
+
+_SPAN = re.compile(r"(-?[\d.]+(?:e[-+]?\d+)?) to (-?[\d.]+(?:e[-+]?\d+)?)")
+
+
+def _span(first: float, last: float, unit: str) -> tuple[str, str]:
+    """Return a range in the unit that suits the end farther from zero."""
+    shown = with_prefix(max(first, last, key=abs), unit, 4).partition(" ")[2]
+    size = float(factor(shown, unit))
+    return f"{first / size:.4g} to {last / size:.4g}", shown
+
+
+_NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+_QUANTITY = re.compile(rf"(?<![\w.,(/^-])(?:({_NUMBER}) to )?({_NUMBER}) (s|Pa|m)(?![\w/^*])")
+
+
+def readable(note: str) -> str:
+    """Return a note with its times, stresses and lengths in the same way: "1250 steps for 60 us"."""
+    return _QUANTITY.sub(_with_prefix, note)
+
+
+def _with_prefix(found: re.Match[str]) -> str:
+    """Return a quantity or a range of a note with the prefix that suits it."""
+    if found[1] is None:
+        return with_prefix(float(found[2]), found[3], 4)
+    return " ".join(_span(float(found[1]), float(found[2]), found[3]))

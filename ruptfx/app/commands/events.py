@@ -1,0 +1,118 @@
+"""`ruptfx events`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from ruptfx import RuptfxError
+from ruptfx.app.commands._shared import begin, reported, screen
+
+if TYPE_CHECKING:
+    from ruptfx.results.analysis.emission import Estimates
+
+HEADING = "Post-process"
+
+
+def events(
+    source: Annotated[Path, typer.Argument(
+        help="Directory of a run with fracture, or a CSV file with the columns time (s), x, y (m) and magnitude "
+             "or energy (J).", show_default=False)],
+    smallest: Annotated[float | None, typer.Option(
+        help="Smallest magnitude that counts; default: no limit for a catalogue, -10 for a run.",
+        show_default=False)] = None,
+    completeness: Annotated[float | None, typer.Option(
+        help="Magnitude above which the catalogue is complete; default: the most frequent magnitude.")] = None,
+    distances: Annotated[tuple[float, float] | None, typer.Option(
+        help="Smallest and largest distance in m for the fractal dimension; default: for a catalogue 1/30 and 1/3 of "
+             "its narrower extent, for a run two cells and 1/3 of its narrower side.")] = None,
+    failure_time: Annotated[float | None, typer.Option(
+        help="Time of the failure that follows the events, in s; default: for a run its first stress peak.")] = None,
+    link: Annotated[tuple[float, float] | None, typer.Option(
+        help="Distance in m and speed in m/s: events closer than the distance, and within the time that the speed "
+             "needs for it, count as one; default: for a run three cells and half the lowest c_s.")] = None,
+    table: Annotated[bool, typer.Option(
+        "--csv", help="Also write all events of a run to events.csv in its directory.")] = False,
+    out: Annotated[Path | None, typer.Option(
+        help="Picture; default: events.png, for a run RUN/figures/emission.png.", show_default=False)] = None,
+) -> None:
+    """Estimate b-value, fractal dimension and Omori exponent of acoustic emission with errors, and draw a figure.
+
+    Example: ruptfx events catalogue.csv --completeness -1.5 --failure-time 120
+    """
+    begin(f"reading {source}")
+    with reported():
+        if source.is_dir():
+            _of_run(source, smallest, completeness, distances, failure_time, link, table, out)
+            return
+        if not source.exists():
+            raise RuptfxError(f"{source}: no such file or directory; give that of a run, or a table of events")
+        if table:
+            raise RuptfxError(f"--csv: {source} is a table already; the option is for the directory of a run")
+        _of_catalogue(source, smallest, completeness, distances, failure_time, link, out or Path("events.png"))
+
+
+def _of_catalogue(
+    path: Path, smallest: float | None, completeness: float | None, distances: tuple[float, float] | None,
+    failure_time: float | None, link: tuple[float, float] | None, out: Path,
+) -> None:  # fmt: skip
+    from ruptfx.results.analysis.emission import clusters, estimate, read_catalogue
+    from ruptfx.results.catalogue_statistics import catalogue_statistics
+
+    least = -math.inf if smallest is None else smallest
+    found = read_catalogue(path).seismic(least)
+    if link is not None:
+        found = clusters(found, *link).events.seismic(least)
+    estimates = estimate(found, completeness, distances, failure_time)
+    screen.print(f"{len(found)} {'clusters of events' if link else 'events'} that radiate energy")
+    _show({"": estimates})
+    if len(found):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        catalogue_statistics(found, estimates.b, estimates.D, estimates.p, failure_time).savefig(out, dpi=150)
+        screen.print(f"Picture: {out}", soft_wrap=True)
+
+
+def _of_run(
+    run: Path, smallest: float | None, completeness: float | None, distances: tuple[float, float] | None,
+    failure_time: float | None, link: tuple[float, float] | None, table: bool, out: Path | None,
+) -> None:  # fmt: skip
+    from ruptfx.results.analysis.compression import SMALLEST, emission_of
+    from ruptfx.results.analysis.emission import Estimates
+    from ruptfx.results.figure_style import save
+    from ruptfx.results.plots.emission import emission
+    from ruptfx.results.record import Record
+
+    with Record(run) as record:
+        least = SMALLEST if smallest is None else smallest
+        found = emission_of(record, least, completeness, distances, failure_time, link)
+        early = "" if found.failure_time is None else f", {found.before.sum()} of them until {found.failure_time:.4g} s"
+        screen.print(f"Failed facets: {len(found.events)}{early}; clusters: {len(found.linked)}", soft_wrap=True)
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in found.shares.items())
+        modes = f": {shares}" if len(found.seismic) else ""
+        within = "" if found.failure_time is None else " until then"
+        screen.print(f"Events of magnitude {least:g} or more{within}: {len(found.seismic)}{modes}", soft_wrap=True)
+        if found.failure_time is not None and len(found.seismic):
+            windows = ", ".join(f"{share:.1%} until {part:.0%}" for part, share in found.tensile_shares.items())
+            screen.print(f"Tensile share by window: {windows} of the time of failure")
+        _show({"events": found.of_events, "clusters": Estimates(found.of_clusters, None, None)})
+        if table:
+            path = run / "events.csv"
+            record.events.to_dataframe().to_csv(path, index_label="event")
+            screen.print(f"Table: {path}", soft_wrap=True)
+        path = out or run / "figures" / "emission.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save(emission(record, found=found).figure, path, path.suffix[1:] or "png")
+        screen.print(f"Picture: {path}", soft_wrap=True)
+
+
+def _show(estimates: dict[str, Estimates]) -> None:
+    """Print a table of all estimates."""
+    table = Table("", "estimate", "from", box=None, pad_edge=False)
+    for of, each in estimates.items():
+        for what, value, source in each.rows():
+            table.add_row(f"{what} of {of}" if of else what, value, source)
+    screen.print(table)

@@ -1,0 +1,98 @@
+"""`ruptfx export`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ruptfx.app.commands._shared import begin, reported, runs, screen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy as np
+
+    from ruptfx.results.record import Record
+
+HEADING = "Post-process"
+
+
+class Format(StrEnum):  # older Typers know no Literal
+    """File formats of other programs."""
+
+    csv = "csv"
+    netcdf = "netcdf"
+    vtk = "vtk"
+    vtkhdf = "vtkhdf"
+    scec = "scec"
+
+
+def export(
+    run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
+    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk, vtkhdf or scec.")] = Format.csv,
+    out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
+) -> None:
+    """Write a run for other programs.
+
+    csv: interfaces as tables. netcdf: interfaces and bodies. vtk: a VTU file for each snapshot of the bodies. vtkhdf:
+    bodies and interfaces with all their times, for ParaView. scec: receivers and rupture times of plane faults in 3D,
+    as the SCEC/USGS code comparison reads them.
+
+    Example: ruptfx export runs/impact --format vtkhdf
+    """
+    begin(f"reading {run}")
+    with reported():
+        from ruptfx.app.convert import scec_files, vtk_files
+        from ruptfx.results.record import Record
+
+        folder = out or run / "export"
+        with Record(run) as record:
+            folder.mkdir(parents=True, exist_ok=True)
+            write = {
+                Format.csv: tables, Format.netcdf: datasets, Format.vtk: vtk_files.series,
+                Format.vtkhdf: vtk_files.whole, Format.scec: scec_files.files,
+            }  # fmt: skip
+            for path in write[format_](record, folder):
+                screen.print(str(path), soft_wrap=True)
+
+
+def tables(record: Record, folder: Path) -> Iterator[Path]:
+    """Write a table of each field of each interface: a row per time, a column per position.
+
+    Fields without time are columns of one table. Yield the paths.
+    """
+    import numpy as np
+
+    for name, data in record.interfaces.items():
+        position, along = data.position.values, data.position.dims  # of a surface its points
+        still = {str(key): field for key, field in data.data_vars.items()
+                 if field.dims == along and key != "position"}  # fmt: skip
+        units = [f"{key} [{field.attrs.get('units', '1')}]" for key, field in still.items()]
+        rows = np.column_stack([position, *(field.values for field in still.values())])
+        yield _save(folder / f"{name}.csv", ",".join(["position [m]", *units]), rows)
+        for key, field in data.data_vars.items():
+            if field.dims == ("time", *along):
+                header = f"{key} [{field.attrs.get('units', '1')}]: time [s] below, position [m] to the right\ntime,"
+                header += ",".join(f"{value:.9g}" for value in position)
+                rows = np.column_stack([data.time.values, field.values])
+                yield _save(folder / f"{name}_{key}.csv", header, rows)
+
+
+def _save(path: Path, header: str, rows: np.ndarray) -> Path:
+    import numpy as np
+
+    np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=header)
+    return path
+
+
+def datasets(record: Record, folder: Path) -> Iterator[Path]:
+    """Write one NetCDF file per interface and one for the bodies; yield the paths."""
+    for name, data in record.interfaces.items():
+        data.to_netcdf(folder / f"{name}.nc", engine="h5netcdf", invalid_netcdf=False)
+        yield folder / f"{name}.nc"
+    if (record.path / "bulk.h5").exists():
+        record.bulk.to_netcdf(folder / "bulk.nc", engine="h5netcdf", invalid_netcdf=False)
+        yield folder / "bulk.nc"

@@ -1,0 +1,104 @@
+"""`ruptfx plot`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ruptfx import RuptfxError
+from ruptfx.app.commands._shared import begin, completed_from, errors, reported, runs, screen, seconds
+from ruptfx.input.quantities import with_prefix
+
+HEADING = "Post-process"
+FORMATS = ["png", "pdf", "svg"]
+
+
+def figures() -> list[str]:
+    """Return the names of all figures."""
+    from ruptfx.results import plots
+
+    return list(plots.FIGURES)
+
+
+def plot(
+    run: Annotated[Path, typer.Argument(help="Run or study directory.", autocompletion=runs, show_default=False)],
+    format_: Annotated[list[str], typer.Option(
+        "--format", metavar="<png|pdf|svg>", help="File type; repeatable.")] = ["png"],  # noqa: B006
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this figure, such as space_time; repeatable.", autocompletion=completed_from(figures)),
+    ] = None,
+    since: Annotated[str | None, typer.Option(
+        "--from", metavar="<time>", help="Only times from this one on, as '10 us', or a number in s.")] = None,
+    until: Annotated[str | None, typer.Option(
+        "--to", metavar="<time>", help="Only times up to this one, as '30 us', or a number in s.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
+) -> None:
+    """Draw the figures of a run, or the map of a study, again; needs no DOLFINx.
+
+    Plug-ins of the run are not executed without --trust; figures that need them are then skipped and listed.
+
+    Figures of a part of a run, with --from and --to, have the times in their names; those whose data have no time in
+    it are skipped and listed.
+
+    Example: ruptfx plot runs/impact --figure space_time --from "10 us" --to "30 us" --format pdf
+    """
+    begin(f"reading {run}")
+    with reported():
+        for kind in format_:
+            if kind not in FORMATS:
+                raise RuptfxError(f"--format {kind}: known: {', '.join(FORMATS)}")
+        if (figure or since or until) and any((run / name).exists() for name in ("study.json", "result.nc")):
+            raise RuptfxError(f"{run}: --figure, --from and --to are for runs with bodies; leave them out")
+        if (run / "study.json").exists():
+            from ruptfx.many_runs.study.execute import draw
+
+            for path in draw(run, formats=tuple(format_)):
+                _show(path)
+            return
+        if (run / "result.nc").exists():
+            from ruptfx.lumped import redraw
+
+            for path in redraw(run, formats=tuple(format_), trust=trust):
+                _show(path)
+            return
+        from ruptfx.input.schema import nearest
+        from ruptfx.platform.progress import in_lines, working
+        from ruptfx.results import plots
+        from ruptfx.results.record import Files
+
+        for name in figure or []:
+            if name not in plots.FIGURES:
+                raise RuptfxError(f"--figure {name}: {nearest(name, list(plots.FIGURES))}")
+        first, last = seconds("--from", since), seconds("--to", until)
+        with Files(run, trust) as record, record.between(first, last) as part:
+            for name in figure or []:
+                if not plots.suits(name, part):
+                    drawn = ", ".join(each for each in plots.FIGURES if plots.suits(each, part))
+                    raise RuptfxError(f"--figure {name}: the run has no data for it; it has {drawn}")
+            times = (first, last) if part.is_part else None
+            suffix = "".join(
+                f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
+                for word, time in (("from", first), ("to", last)) if time is not None
+            )  # fmt: skip
+            later: list[Path] = []  # a spinner would mix with the paths
+            with working("drawing the figures"):
+                plots.save_all(
+                    record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times,
+                    saved=_show if in_lines() else later.append,
+                )  # fmt: skip
+            for path in later:
+                _show(path)
+            for name, reason in record.outside.items():
+                errors.print(f"left out: {name}: {reason}", markup=False, highlight=False, soft_wrap=True)
+            for omitted in dict.fromkeys(record.omitted):
+                errors.print(f"left out: {omitted}; a plug-in of the run has the law. If you trust it, add --trust",
+                             markup=False, highlight=False, soft_wrap=True)  # fmt: skip
+
+
+def _show(path: Path) -> None:
+    """Print the path of a file."""
+    screen.print(str(path), soft_wrap=True)
+    screen.file.flush()

@@ -1,0 +1,42 @@
+"""`ruptfx study`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ruptfx.app.commands._shared import EXIT_ERROR, Overrides, begin, reported, screen
+
+HEADING = "Compute"
+
+
+def study(
+    file: Annotated[Path, typer.Argument(help="Study file (TOML).", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="Study directory; default studies/<name of the file>.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; default is this machine.")] = None,
+    cores: Annotated[int | None, typer.Option(min=1, help="Cores to use on this machine; default all.")] = None,
+    refine: Annotated[bool, typer.Option("--refine", help="Locate mode boundaries, check on a finer mesh.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Run failed points again.")] = False,
+    set_: Overrides = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Run a case over axes of parameters; started again, run only the missing points.
+
+    Example: ruptfx study demos/slip_weakening_map.toml --cores 2
+    """
+    begin(f"reading {file}", not quiet)
+    with reported():
+        from ruptfx.many_runs.study import read_study, run_study
+
+        out = out or Path("studies") / file.stem
+        parsed = read_study(file, set_ or [])
+        found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet)
+        screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
+        if refine:
+            screen.print(json.loads((out / "refinement.json").read_text())["summary"])
+        screen.print(f"Study directory: {out} ({', '.join(path.name for path in found.files)})", soft_wrap=True)
+        if found.failed == len(found.points):
+            raise typer.Exit(EXIT_ERROR)

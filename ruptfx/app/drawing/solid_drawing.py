@@ -1,0 +1,118 @@
+"""Drawing of `ruptfx mesh` in three dimensions: bodies in perspective, and a map of every surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.tri import Triangulation
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from ruptfx.bodies.meshes import RawMesh
+from ruptfx.case import Case
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.platform import fem
+from ruptfx.results.figure_style import RATE_MAP, blank_figure, scale, styled
+from ruptfx.run.model import Model
+
+Array = np.ndarray
+
+SURFACE, ARROWS = "#c8501e", ("#1769aa", "#2e7d32", "#6a1b9a")
+LETTERS = ("n", "1", "2")  # normal, first and second tangent
+
+
+@styled
+def draw(case: Case, raw: RawMesh) -> Figure:
+    """Draw outer facets and names of the edges, surfaces with normal and tangents, and maps of the initial shear.
+
+    Runs on one rank. Nodes of the rim of a surface that are welded have no traction and stay blank.
+
+    Parameters
+    ----------
+    case : Case
+    raw : RawMesh
+        Its mesh.
+    """
+    model = Model(case, fem.MPI.COMM_SELF)
+    count = len(model.faults)
+    figure = blank_figure(7.0, 4.5 + 3.0 * count)
+    grid = figure.add_gridspec(1 + count, 1, height_ratios=[4.5, *[3.0] * count])
+    axes = figure.add_subplot(grid[0], projection="3d")
+    assert isinstance(axes, Axes3D)
+    axes.computed_zorder = False  # arrows and names in front of the surfaces
+    size, unit = scale(np.ptp(raw.points, axis=0), "m")
+    corners = 4 if raw.cell == "hexahedron" else 3  # the first nodes of a curved facet
+    for name, nodes in raw.edges.items():
+        sides = polygons(raw.points[nodes[:, :corners]] / size)
+        outside = Poly3DCollection(sides, facecolor=(0.6, 0.7, 0.8, 0.05), edgecolor=(0, 0, 0, 0.12), linewidth=0.3)
+        axes.add_collection3d(outside)
+        axes.text(*sides.mean(axis=(0, 1)), name, size=6, ha="center", zorder=4)
+    for number, fault in enumerate(model.faults):
+        facets = polygons(raw.points[raw.interfaces[fault.name][0][:, :corners]])
+        surface = Poly3DCollection(facets / size, facecolor=SURFACE, edgecolor="white", lw=0.2, alpha=0.6, zorder=2)
+        axes.add_collection3d(surface)
+        _draw_frame(axes, fault, size, 0.25 * float(np.ptp(facets.reshape(-1, 3), axis=0).max()))
+        _draw_map(figure, number + 1, fault, facets, grid)
+    low, high = raw.points.min(axis=0) / size, raw.points.max(axis=0) / size
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})", title=case.title or None)
+    axes.set_box_aspect(high - low)
+    axes.view_init(25, -60)
+    return figure
+
+
+def polygons(corners: Array) -> Array:
+    """Return corners of facets in their order around the facet, shape (facets, corners, 3)."""
+    if corners.shape[1] == 3:
+        return corners
+    a, b, c, d = (corners[:, number] for number in range(4))
+    # The order with the larger area does not cross itself.
+    around, crossed = (np.linalg.norm(np.cross(*pair), axis=1) for pair in ((c - a, d - b), (d - a, c - b)))
+    turned: Array = np.where((crossed > around)[:, None, None], corners[:, [0, 1, 3, 2]], corners)
+    return turned
+
+
+def positions(fault: Fault, points: Array) -> Array:
+    """Return positions along strike and down dip of points of a surface [m], shape (..., 2).
+
+    Both are linear in the coordinates.
+    """
+    face = fault.interface
+    assert face.across is not None
+    middle = face.points.mean(axis=0)
+    known = np.column_stack([face.points - middle, np.ones(len(face.points))])
+    linear, *_ = np.linalg.lstsq(known, np.stack([face.position, face.across], axis=1), rcond=None)
+    found: Array = (points - middle) @ linear[:3] + linear[3]
+    return found
+
+
+def _draw_frame(axes: Axes3D, fault: Fault, size: float, length: float) -> None:
+    """Draw normal and tangents at the point next to the middle of a surface."""
+    face = fault.interface
+    middle = int(np.argmin(np.linalg.norm(face.points - face.points.mean(axis=0), axis=1)))
+    start = face.points[middle] / size
+    for direction, colour, letter in zip(face.frame[middle], ARROWS, LETTERS, strict=True):
+        arrow = length / size * direction
+        axes.quiver(*start, *arrow, color=colour, linewidth=1.4, zorder=3)
+        axes.text(*(start + 1.1 * arrow), letter, color=colour, size=8, weight="bold", zorder=4)
+
+
+def _draw_map(figure: Figure, row: int, fault: Fault, facets: Array, grid: GridSpec) -> None:
+    """Draw elements and initial shear traction of a surface over its positions."""
+    face = fault.interface
+    assert face.across is not None
+    axes = figure.add_subplot(grid[row])
+    shear = np.linalg.norm(fault.shear_traction_0, axis=1)
+    size, unit = scale(np.ptp(positions(fault, facets).reshape(-1, 2), axis=0), "m")
+    value, value_unit = scale(shear, "Pa")
+    triangles = Triangulation(face.position / size, face.across / size)
+    drawn = axes.tripcolor(triangles, shear / value, cmap=RATE_MAP, shading="gouraud")
+    corners = positions(fault, facets) / size
+    axes.add_collection(PolyCollection(list(corners), facecolor="none", edgecolor="#888888", linewidth=0.3))
+    figure.colorbar(drawn, ax=axes, label=f"Initial shear traction ({value_unit})", pad=0.02)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel=f"Along tangent 1 ({unit})")
+    meaning = face.line.meaning_in(size, unit)
+    axes.set(ylabel=f"Along tangent 2 ({unit})", title=f"interface {fault.name}: position = {meaning}")

@@ -1,0 +1,233 @@
+"""A box of hexahedra with a rectangular fault, of which every rank can make its own part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ruptfx.bodies.meshes import FACETS, RawMesh
+from ruptfx.bodies.meshes._lattice import affordable
+from ruptfx.input.profiles import evaluate
+
+
+def _fading(part: np.ndarray) -> np.ndarray:
+    """Return 1 at 0 and 0 at 1, with slopes of zero at both."""
+    return np.asarray(0.5 * (1 + np.cos(np.pi * part)))
+
+
+@dataclass(frozen=True)
+class Bricks:
+    """Hexahedra between planes, with a rectangle of one plane y = constant that is cut open.
+
+    Vertices are numbered column by column along x, in each of them along y and then z; copies on the minus side of the
+    fault come last. The rim of the fault inside of the box is not cut: both sides share its vertices.
+
+    Attributes
+    ----------
+    x, y, z : ndarray
+        Coordinates of the planes of vertices [m], increasing; z is up.
+    plane : int
+        Index in `y` of the plane of the fault.
+    along, down : (int, int)
+        Indices in `x` and `z` of the first and the last column and row of vertices of the fault.
+    slope : float
+        Horizontal distance over depth of a dipping fault: y is shifted by - slope z.
+    half : bool
+        The plane of the fault is the first one along y, and the body on the other side is its mirror image.
+    height : Profile or float, optional
+        Distance of a rough fault from its plane along y [m], over x and the distance down dip.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    plane: int
+    along: tuple[int, int]
+    down: tuple[int, int]
+    slope: float = 0.0
+    half: bool = False
+    height: object = None
+    cell: ClassVar[str] = "hexahedron"
+
+    def __post_init__(self) -> None:
+        affordable(self.columns * self._rows[0] * self._rows[1])
+
+    @property
+    def bodies(self) -> list[str]:
+        """Names of the bodies that are meshed."""
+        return ["plus"] if self.half else ["plus", "minus"]
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """Interfaces with both sides meshed."""
+        return () if self.half else ("main",)
+
+    @property
+    def one_sided(self) -> dict[str, str]:
+        """Interfaces without a minus side, and how the mirror image moves."""
+        return {"main": "antisymmetric"} if self.half else {}
+
+    @property
+    def columns(self) -> int:
+        """Number of elements along x."""
+        return len(self.x) - 1
+
+    @property
+    def _rows(self) -> tuple[int, int]:
+        return len(self.y) - 1, len(self.z) - 1
+
+    @property
+    def _whole(self) -> int:
+        """Number of vertices without the copies."""
+        return len(self.x) * len(self.y) * len(self.z)
+
+    @cached_property
+    def _cut(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Columns and rows of vertices that have a copy, each as first and last."""
+        ranges = []
+        for (first, last), most in ((self.along, self.columns), (self.down, self._rows[1])):
+            ranges.append((first + (first > 0), last - (last < most)))
+        return ranges[0], ranges[1]
+
+    @property
+    def vertices(self) -> int:
+        (a, b), (c, d) = self._cut
+        return self._whole + (0 if self.half else (b - a + 1) * (d - c + 1))
+
+    @property
+    def sides(self) -> dict[str, tuple[int, str]]:
+        """Body and side of every edge and of the meshed sides of the interface."""
+        ends = ("left", "right", "bottom", "top", "far", *("plane",) * self.half)
+        names = {f"{body}.{side}": (number, side) for number, body in enumerate(self.bodies) for side in ends}
+        return names | {f"main.{body}": (number, "fault") for number, body in enumerate(self.bodies)}
+
+    def _places(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return column, layer along y and row along z of vertices."""
+        (a, _), (c, d) = self._cut
+        column, rest = np.divmod(vertices, len(self.y) * len(self.z))
+        layer, row = np.divmod(rest, len(self.z))
+        copied = vertices >= self._whole
+        i, k = np.divmod(vertices - self._whole, d - c + 1)
+        return np.where(copied, a + i, column), np.where(copied, self.plane, layer), np.where(copied, c + k, row)
+
+    def points(self, vertices: np.ndarray) -> np.ndarray:
+        """Return coordinates of vertices [m], shape (vertices, 3)."""
+        i, j, k = self._places(vertices)
+        z = self.z[k]
+        y = self.y[j] - self.slope * z
+        return np.stack([self.x[i], y if self.height is None else y + self._shift(i, j, k), z], axis=1)
+
+    @property
+    def reference_normals(self) -> dict[str, np.ndarray]:
+        """Normal of the plane of a rough fault; none of a plane one."""
+        return {} if self.height is None else {"main": np.array([0.0, 1.0, self.slope])}
+
+    def _shift(self, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> np.ndarray:
+        """Return how far along y vertices follow a rough fault [m]: less and less towards the sides of the box."""
+        (left, right), (low, high) = self.along, self.down
+        x, z, y = self.x[i], self.z[k], self.y[j] - self.y[self.plane]
+        on_fault = np.clip(x, self.x[left], self.x[right]), np.clip(z, self.z[low], self.z[high])
+        down = (self.z[high] - on_fault[1]) * np.hypot(1.0, self.slope)
+        share = _fading(np.abs(y) / np.where(y < 0, -self.y[0], self.y[-1]))
+        for beyond, first, last in (
+            (x - on_fault[0], self.x[0] - self.x[left], self.x[-1] - self.x[right]),
+            (z - on_fault[1], self.z[0] - self.z[low], self.z[-1] - self.z[high]),
+        ):
+            room = np.where(beyond < 0, -first, last)
+            share = share * _fading(np.abs(beyond) / np.where(room > 0, room, 1.0))
+        return evaluate(self.height, np.stack([on_fault[0], down], axis=1)) * share
+
+    def body_of_cells(self, cells: np.ndarray) -> np.ndarray:
+        """Return the body index of cells or facets, given by their vertices: 0 on the plus side."""
+        layer = self._places(cells.ravel())[1].reshape(cells.shape)
+        return np.where(self.half | (layer.max(axis=1) > self.plane), 0, 1)
+
+    def nodes(self, order: int) -> int:
+        """Return the number of nodes of elements of an order, without those of the fault's second side."""
+        return int(np.prod([order * count + 1 for count in (self.columns, *self._rows)]))
+
+    def ties(self, tied: Mapping[str, tuple[str, str]]) -> dict[str, np.ndarray] | None:
+        """Return None if edges are tied: parts do not keep opposite ends together; else an empty dict."""
+        return None if tied else {}
+
+    def side_of(self, facets: np.ndarray) -> np.ndarray:
+        """Return the index in `sides` of every boundary facet, shape (facets, 4), -1 where it has no name."""
+        i, j, k = (part.reshape(facets.shape) for part in self._places(facets.ravel()))
+        body = self.body_of_cells(facets)
+        on = {
+            "left": i == 0, "right": i == self.columns, "bottom": k == 0, "top": k == self._rows[1],
+            "far": (j == 0) & (not self.half) | (j == self._rows[0]), "plane": j == self.plane,
+        }  # fmt: skip
+        # A facet of the minus side has a copy among its vertices; those of the plus side have none.
+        fault = (j == self.plane).all(axis=1)
+        if self.half:  # the plane beyond the fault is a boundary, too
+            for index, (first, last) in ((i, self.along), (k, self.down)):
+                fault &= (index.min(axis=1) >= first) & (index.max(axis=1) <= last)
+        copied = (facets >= self._whole).any(axis=1)
+        found = np.full(len(facets), -1)
+        for place, (number, side) in enumerate(self.sides.values()):
+            chosen = fault & (copied == bool(number)) if side == "fault" else on[side].all(axis=1) & (body == number)
+            found[chosen] = place
+        return found
+
+    def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
+        """Return vertices of the cells of one of several parts, shape (cells, 8).
+
+        Parts are slabs of whole columns, and so contain both sides of the fault.
+
+        Parameters
+        ----------
+        part, parts : int
+            Index of the part and number of parts, at most one per column.
+        wrapped : bool
+            Put the first and the last column into the same part.
+        upright : bool
+            Slabs always span the full height.
+        """
+        shift = max(1, self.columns // (2 * parts)) if wrapped else 0
+        slab = (np.arange(self.columns) + shift) % self.columns * parts // self.columns
+        return self._cells(np.flatnonzero(slab == part))
+
+    def _cells(self, columns: np.ndarray) -> np.ndarray:
+        """Return vertices of all cells of some columns in tensor order, shape (cells, 8)."""
+        i, j, k = (each.ravel() for each in np.meshgrid(columns, *(np.arange(n) for n in self._rows), indexing="ij"))
+        (a, b), (c, d) = self._cut
+        found = np.empty((len(i), 8), dtype=np.int64)
+        for corner in range(8):
+            x, y, z = i + corner % 2, j + corner // 2 % 2, k + corner // 4
+            vertex = (x * len(self.y) + y) * len(self.z) + z
+            # Without cells below the plane, in a half, nothing is copied.
+            copied = (j < self.plane) & (y == self.plane) & (x >= a) & (x <= b) & (z >= c) & (z <= d)
+            found[:, corner] = np.where(copied, self._whole + (x - a) * (d - c + 1) + z - c, vertex)
+        return found
+
+    def build(self) -> RawMesh:
+        """Return the whole mesh."""
+        cells = self.part(0, 1)
+        facets = np.concatenate([cells[:, list(facet)] for facet in FACETS[self.cell]])
+        side = self.side_of(facets)
+        # A facet of the plane inside of the body has two cells, and is no side of the fault.
+        i, _, k = (part.reshape(facets.shape) for part in self._places(facets.ravel()))
+        inside = (i.min(axis=1) >= self.along[0]) & (i.max(axis=1) <= self.along[1])
+        inside &= (k.min(axis=1) >= self.down[0]) & (k.max(axis=1) <= self.down[1])
+        number = {name: place for place, name in enumerate(self.sides)}
+        plus, minus = (
+            self._in_order(facets[(side == number[f"main.{body}"]) & inside])
+            for body in (self.bodies[0], self.bodies[-1])
+        )
+        return RawMesh(
+            cell=self.cell, points=self.points(np.arange(self.vertices)), cells=cells, bodies=self.bodies,
+            cell_body=self.body_of_cells(cells),
+            edges={name: facets[side == place] for name, place in number.items() if not name.startswith("main.")},
+            interfaces={"main": (plus, minus)}, one_sided=self.one_sided,
+            reference_normals=self.reference_normals,
+        )  # fmt: skip
+
+    def _in_order(self, facets: np.ndarray) -> np.ndarray:
+        """Return facets of one side in an order by column and row, the same for both sides."""
+        i, _, k = (part.reshape(facets.shape)[:, 0] for part in self._places(facets.ravel()))
+        return facets[np.lexsort([k, i])]

@@ -1,0 +1,743 @@
+"""A case: everything one run needs, strict and cross-checked; TOML in, `--set` overrides."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
+
+import numpy as np
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from ruptfx import Table
+from ruptfx.bodies.boundaries import AnyBoundary, Boundary
+from ruptfx.bodies.initial_stress import AnyBodyStress, Component, matrices
+from ruptfx.bodies.meshes import AnyMesh
+from ruptfx.case import support
+from ruptfx.input.plugins import CaseFile, active, named
+from ruptfx.input.schema import (
+    Alternative,
+    CaseError,
+    Name,
+    Part,
+    Unit,
+    check_tables,
+    find,
+    json_schema,
+    kinds,
+    nearest,
+    set_key,
+    shown_key,
+    value_at,
+)
+from ruptfx.input.units import Duration, Fraction, Length, Rate, Speed, Time, VaryingGap
+from ruptfx.interfaces.attachments import AnyAttachment
+from ruptfx.interfaces.collisions import AnyCollisions
+from ruptfx.interfaces.cracks import AnyFracture
+from ruptfx.interfaces.faults.initial_stress import InitialStress
+from ruptfx.interfaces.sliding import Sliding
+from ruptfx.laws.cohesion import AnyCohesion
+from ruptfx.laws.contact import AnyContact
+from ruptfx.laws.friction import AnyFriction
+from ruptfx.laws.materials import IN_PLANE, AnyMaterial, Material, Plane
+from ruptfx.laws.nucleation import AnyNucleation
+from ruptfx.readings.instruments import AnyInstrument
+from ruptfx.readings.misfits import AnyMisfit, Inference, Unknown
+from ruptfx.results.cameras import AnyCamera
+from ruptfx.stepping.steppers import AnyStepper
+from ruptfx.stepping.stopping import StopWhen
+
+if TYPE_CHECKING:
+    from ruptfx.lumped import LumpedModel
+
+FOLDERS = [
+    "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
+    "attachments", "steppers", "instruments", "misfits", "profiles", "phases", "cameras", "initial_stress",
+]  # fmt: skip
+
+
+RECORDS = {"solid": 60}
+"""Interface records of a run by default where it is not 300: those of a surface are large."""
+MOST_RECORDS = 1e7
+"""Records of one kind in a run; more are a mistake, a missing unit for example."""
+
+
+class FaultCase(Part):
+    """One interface of the mesh: contact method, friction law, initial state."""
+
+    contact: AnyContact
+    """Contact method for opening and slip."""
+    friction: AnyFriction
+    """Friction law."""
+    cohesion: AnyCohesion | None = None
+    """Cohesive law in tension and shear, in addition to friction."""
+    initial_stress: InitialStress = InitialStress()
+    """Initial stress of the interface; without it that of the bodies, `[initial_stress]`."""
+    gap: VaryingGap | None = None
+    """Initial gap between the two sides; the initial normal stress is zero where it is open."""
+    sliding: Sliding | None = None
+    """Finite sliding: with this table, even an empty one, the two sides may slide any distance, and their meshes
+    need not match."""
+    nucleation: list[AnyNucleation] = []
+    """Nucleation of the rupture; entries act together."""
+
+    @field_validator("nucleation", mode="before")
+    @classmethod
+    def _as_list(cls, value: object) -> object:
+        return [value] if isinstance(value, dict) else value
+
+
+Velocity = Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s")]
+
+
+class Output(Part):
+    """Saved data and their intervals; default are 300 interface records, in 3D 60, and 6 bulk snapshots.
+
+    Records are made at the multiples of an interval, and a last one at the duration.
+    """
+
+    interface_interval: Duration | None = None
+    """Time between records of the interface; duration / 300 without it, in 3D duration / 60."""
+    interface_steps: Annotated[int, Field(ge=1)] | None = None
+    """Also save the interface every so many steps, for steps of variable length."""
+    forces_interval: Duration | None = None
+    """Time between rows of `forces.csv` in finite sliding, which are then means over it, of every step; without
+    it, instantaneous values at every record of the interface."""
+    bulk_interval: Duration | None = None
+    """Time between snapshots of the bodies; duration / 6 without it."""
+    bulk_fields: Annotated[
+        list[Literal["velocity", "displacement", "stress", "fringe", "state"]], Field(min_length=1)
+    ] = ["velocity", "displacement", "stress", "fringe", "state"]
+    """Fields of snapshots; `fringe` is sigma_1 - sigma_2 in the plane of x and y, `state` what materials record of
+    theirs, such as plastic strain."""
+    bulk_precision: Literal["double", "single"] = "double"
+    """Precision of the numbers in snapshots: 15 digits, or 7 in half the space."""
+    bulk_compression: Annotated[int, Field(ge=0, le=9)] = 0
+    """Lossless compression of snapshots: 0 is none, 9 the strongest (gzip)."""
+    checkpoint_minutes: Annotated[float, Field(gt=0), Unit("min")] = 10.0
+    """Wall-clock time between checkpoints."""
+    checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
+    """Steps between checkpoints, instead."""
+    rupture_threshold: Speed = 1e-3
+    """Slip rate whose first passage at a closed point is its rupture time; slower points count as sticking in contact
+    states."""
+    rupture_after: Time | None = None
+    """Time from which on rupture times count; earlier slip or opening, during pressing and shearing, is ignored.
+    Default is the first nucleation of the interface that begins after zero, or zero."""
+    figures: bool = True
+    """Draw figures at the end of a run."""
+    plate_thickness: Length | None = None
+    """Thickness of the bodies along the light of a polariscope; required for fringes."""
+
+
+class KelvinVoigt(Part):
+    """Viscosity of some elements, by default next to the interfaces: stress = C : (strain + eta strain rate).
+
+    It removes mesh noise behind a sharp front; too much of it delays the front.
+    """
+
+    fraction: Fraction = 0.1
+    """eta over the stable time step without it; 0.1 to 0.3 (Source: Day et al. 2005)."""
+    eta: Duration | None = None
+    """Viscosity over modulus, given instead of the fraction."""
+    thickness: Length | None = None
+    """Elements whose centre is that close to an interface; without it, those that touch one."""
+    bodies: list[str] | None = None
+    """Bodies that are viscous, all their elements, instead of a layer along the interfaces."""
+
+    @model_validator(mode="after")
+    def _one_viscosity(self) -> KelvinVoigt:
+        if self.eta is not None and self.fraction != type(self).model_fields["fraction"].default:
+            raise ValueError(
+                f"fraction = {self.fraction:g}: without effect beside eta = {self.eta:g} s; remove one of them"
+            )
+        if self.bodies is not None and self.thickness is not None:
+            raise ValueError("bodies, thickness: give one of them")
+        return self
+
+
+class Damping(Part):
+    """Damping of the bodies."""
+
+    waves: ClassVar[bool] = True
+    """True, because damping acts on motion and needs a stepper with inertia (`Stepper.inertia`)."""
+
+    mass: Rate = 0.0
+    """Force per mass and velocity."""
+    kelvin_voigt: KelvinVoigt | None = None
+    """Viscosity next to the interfaces, against the noise behind sharp fronts."""
+
+
+class Stage(Part):
+    """A stage of loading; keys without a value are those of the case."""
+
+    duration: Duration
+    """Duration of the stage; those of all stages add up to the duration of the case."""
+    boundaries: list[AnyBoundary] | None = None
+    """Boundaries of the stage, with times since its start. A boundary of the previous stage that continues changes over
+    its ramp from its current to its new amount."""
+    damping: Damping | None = None
+    """Damping instead."""
+
+
+class Case(CaseFile):
+    """A complete case of a run.
+
+    Raises
+    ------
+    CaseError
+        For any invalid input; the message gives the key, its value and the remedy.
+    """
+
+    title: str = ""
+    """Title of figures and tables."""
+    plane: Plane
+    """Plane stress, plane strain, antiplane shear (motion in z only), a solid in three dimensions, or `axisymmetric`,
+    the section of bodies of revolution about y = 0: y is the radius."""
+    order: Annotated[int, Field(ge=1, le=8)] = 4
+    """Polynomial order of the spectral elements."""
+    operator: str = "matrix_free"
+    """Application of the stiffness: `matrix_free` is fastest, for linear elasticity; `ufl_form` is for all."""
+    duration: Duration
+    """Simulated time."""
+    large_rotations: bool = False
+    """Allow rotations by any angle: strains are then those of Biot, U - 1 of 1 + grad u = R U, which a rotation
+    does not change; Hooke's law for small strains is the same. In the plane, in explicit steps, without faults."""
+    positions: Literal["x"] | None = None
+    """Positions along interfaces on x are x. Required where positions are given and such an interface does not begin
+    at x = 0: until version 0.1 they were lengths from its left end."""
+    mesh: AnyMesh
+    """Shape, size and elements of the bodies."""
+    materials: dict[Name, AnyMaterial]
+    """Materials by body; `default` is for the bodies not listed. A name stands for constants, such as `pmma`; see
+    `ruptfx describe materials`."""
+    initial_stress: AnyBodyStress | None = None
+    """Initial stress of the bodies, a tensor, which may vary with depth: the tractions of interfaces and the initial
+    stress of yielding materials follow from it where they give none."""
+    faults: dict[Name, FaultCase] = {}
+    """Interfaces by name; that of generated meshes is `main`."""
+    fracture: AnyFracture | None = None
+    """Fracture of the bodies along the facets of a mesh of triangles."""
+    collisions: AnyCollisions | None = None
+    """Contact between bodies and fragments that were not neighbours; without it they pass through each other."""
+    initial_velocity: dict[Name, Velocity] = {}
+    """Initial velocity by body, in explicit steps; other bodies are at rest."""
+    boundaries: list[AnyBoundary] = []
+    """Conditions and loads on edges and inside of the bodies, an entry each; edges that are not named are free."""
+    damping: Damping = Damping()
+    """Damping of the bodies; none without it."""
+    stepper: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
+    """Time stepper; keys without `kind` are those of `leapfrog`."""
+    output: Output = Output()
+    """Saved data and their intervals."""
+    attachments: list[AnyAttachment] = []
+    """Masses, springs and ground attached to edges, an entry each."""
+    instruments: list[AnyInstrument] = []
+    """Measurements during the run, an entry each: receivers, velocimeters, strain gauges, load cells."""
+    objective: list[AnyMisfit] = []
+    """Function of the readings of a run that `ruptfx gradient` differentiates, the sum of its entries."""
+    unknowns: list[Unknown] = []
+    """Quantities by which it is differentiated, an entry each; all that the case has without any."""
+    inference: Inference | None = None
+    """Search of `ruptfx infer` for the unknowns from the data of the objective; default settings without it."""
+    cameras: list[AnyCamera] = []
+    """Cameras whose films `ruptfx film` makes from the snapshots of the run, an entry each."""
+    stages: list[Stage] = []
+    """Successive stages with other boundaries and damping: press, hold, shear."""
+    stop_when: StopWhen | None = None
+    """Rules that stop the run before its duration."""
+
+    @field_validator("stepper", mode="before")
+    @classmethod
+    def _leapfrog_unless_said(cls, value: object) -> object:
+        return {"kind": "leapfrog", **value} if isinstance(value, dict) else value
+
+    @field_validator("operator")
+    @classmethod
+    def _operator_exists(cls, name: str) -> str:
+        if name not in kinds("ruptfx.bodies.operators"):
+            raise ValueError(f"no such operator, {nearest(name, kinds('ruptfx.bodies.operators'))}")
+        return name
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Case:
+        allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}.get(self.plane, "xy")
+        checks: list[Callable[[], None]] = [
+            *(partial(boundary.check, key, self.plane, allowed) for key, boundary in self.all_boundaries()),
+            partial(self._check_attachments, allowed), partial(self._check_initial_velocity, allowed),
+            self._check_stages, partial(self._check_instruments, allowed), self._check_cameras, self._check_intervals,
+            self._check_forces, self._check_rotations, self._check_fracture, self._check_axisymmetric,
+            self._check_tensors, self._check_body_stress,
+        ]  # fmt: skip
+        problems = []
+        for check in checks:
+            try:
+                check()
+            except ValueError as error:
+                problems.append(str(error))
+        if problems:
+            raise ValueError("\n".join(problems))
+        support.check(self.choices(), self._shown)
+        for text in self._without_effect():
+            raise CaseError(text)
+        return self
+
+    def choices(self) -> support.Choices:
+        """Return all parts of the case that some rule of `ruptfx.case.support` needs, by key."""
+        choices: dict[str, type[Part]] = {"stepper": type(self.stepper), support.PLANE + self.plane: type(self)}
+        choices |= {f"materials.{name}": type(material) for name, material in self.materials.items()}
+        for name, material in self.materials.items():
+            choices |= {f"materials.{name}.{key.partition('.')[0]}": type(self) for key in material.varying}
+        for name, fault in self.faults.items():
+            for field in ("contact", "cohesion", "sliding"):
+                if (part := getattr(fault, field)) is not None:
+                    choices[f"faults.{name}.{field}"] = type(part)
+            if fault.gap is not None:
+                choices[f"faults.{name}.gap"] = type(fault)
+        choices |= {key: type(boundary) for key, boundary in self.all_boundaries()}
+        choices |= {f"attachments.{number}": type(each) for number, each in enumerate(self.attachments)}
+        for key, damping in self.all_dampings():
+            fields = type(damping).model_fields.items()
+            given = (name for name, field in fields if getattr(damping, name) != field.default)
+            choices |= {f"{key}.{name}": type(damping) for name in given}
+        for name in ("fracture", "collisions"):
+            if (part := getattr(self, name)) is not None:
+                choices[name] = type(part)
+        given = (name for name in ("stages", "large_rotations", "objective") if getattr(self, name))
+        return choices | {name: type(self) for name in given}
+
+    def _shown(self, key: str) -> str:
+        """Return a key with its kind or its number as text, as in a case file."""
+        if key.startswith(support.PLANE):
+            return f"plane = '{key.removeprefix(support.PLANE)}'"
+        value = value_at(self, key)
+        if isinstance(value, Alternative):
+            return f"{key}.kind = '{value.kind()}'"
+        return f"{key} = {value:g}" if isinstance(value, float) else key
+
+    def _without_effect(self) -> Iterator[str]:
+        """Yield messages on keys that change nothing in the case, whatever its parts are."""
+        output, stop = self.output, self.stop_when
+        if self.plane not in IN_PLANE:
+            of_fringes = {
+                f"materials.{name}.fringe_constant": (material.fringe_constant, "N/m")
+                for name, material in self.materials.items()
+            }
+            for key, (value, unit) in {"output.plate_thickness": (output.plate_thickness, "m"), **of_fringes}.items():
+                if value is not None:
+                    yield (
+                        f"{key} = {value:g} {unit}: without effect, for fringes are of plates, and plane = "
+                        f"'{self.plane}'; remove it"
+                    )
+        yield from self._edges_named_twice()
+        if self.faults:
+            return
+        # A resolved case gives its defaults, too.
+        given = {
+            f"output.{name}": getattr(output, name) for name in ("rupture_threshold", "rupture_after")
+            if getattr(output, name) != type(output).model_fields[name].default
+        }  # fmt: skip
+        if stop is not None and stop.sliding_dead_for is not None:
+            given["stop_when.sliding_dead_for"] = stop.sliding_dead_for
+        for key, value in given.items():
+            yield f"{key} = {value:g}: without effect, for there is no interface ([faults.NAME]); remove it"
+
+    def _edges_named_twice(self) -> Iterator[str]:
+        """Yield messages on boundaries that add nothing to an edge on which another one acts."""
+        edges: dict[tuple[str, str], list[str]] = {}
+        idle = []
+        for key, boundary in self.all_boundaries():
+            edge = key.rpartition(".")[0], getattr(boundary, "edge", "")
+            edges.setdefault(edge, []).append(key)
+            if not boundary.acts:
+                idle.append((key, boundary.kind(), edge))
+        for key, kind, edge in idle:
+            others = [other for other in edges[edge] if other != key]
+            if others:
+                yield (
+                    f"{key}.kind = '{kind}': without effect, for {others[0]} acts on '{edge[1]}', too, and leaves free "
+                    "what it does not drive or load; remove this entry"
+                )
+
+    def _check_forces(self) -> None:
+        if self.output.forces_interval is not None and all(fault.sliding is None for fault in self.faults.values()):
+            raise ValueError(
+                f"output.forces_interval = {self.output.forces_interval:g} s: forces are recorded where an interface "
+                "slides; add the table [faults.NAME.sliding], or remove this key"
+            )
+
+    def _check_body_stress(self) -> None:
+        given = self.initial_stress
+        yields = [name for name, material in self.materials.items() if "initial_stress" in type(material).model_fields]
+        own = [name for name in yields if getattr(self.materials[name], "initial_stress", None) is not None]
+        if given is None:
+            for name in yields:
+                if name not in own and type(self.materials[name]).needs_initial_stress:
+                    raise ValueError(
+                        f"materials.{name}.initial_stress: missing, and yield depends on it; give it, or the stress of "
+                        "the bodies, [initial_stress]"
+                    )
+            for name, fault in self.faults.items():
+                if fault.initial_stress.of_bodies:
+                    raise ValueError(
+                        f"faults.{name}.initial_stress: missing; give normal (and shear) or tensor, or the stress of "
+                        "the bodies, [initial_stress]"
+                    )
+            return
+        if self.plane in ("antiplane", "axisymmetric"):
+            raise ValueError(
+                f"initial_stress: not for plane = '{self.plane}'; give normal and shear in faults.NAME.initial_stress"
+            )
+        given.check(self.plane)
+        for name, fault in self.faults.items():
+            if fault.initial_stress.tensor is not None:
+                raise ValueError(
+                    f"faults.{name}.initial_stress.tensor: [initial_stress] gives the stress of the bodies; remove one "
+                    "of them"
+                )
+        if own:
+            raise ValueError(
+                f"materials.{own[0]}.initial_stress: [initial_stress] gives the stress of the bodies; remove one of "
+                "them"
+            )
+        if yields and not given.has_six:
+            raise ValueError(
+                f"initial_stress.tensor: materials.{yields[0]} depends on 6 components; give xx, yy, zz, xy, yz, xz"
+            )
+        for name, material in self.materials.items():
+            if name not in yields and type(material).has_memory() and not type(material).linear:
+                raise ValueError(
+                    f"materials.{name}: '{material.kind()}' does not know an initial stress; give its class a field "
+                    "`initial_stress`, or normal and shear in faults.NAME.initial_stress in place of [initial_stress]"
+                )
+        if self.fracture is not None and given.everywhere is None:
+            raise ValueError(
+                f"initial_stress.kind = '{given.kind()}': with [fracture] the stress of the bodies is uniform; use "
+                "kind = 'uniform'"
+            )
+        for name in yields:
+            try:
+                self.stressed_materials[name].check_values() if given.everywhere is not None else None
+            except ValueError as error:
+                raise ValueError(f"materials.{name}.{error}") from None
+
+    @property
+    def stressed_materials(self) -> dict[str, Material]:
+        """The materials, with the initial stress of the bodies where they yield and give none of their own."""
+        given = self.initial_stress
+        if given is None:
+            return self.materials
+        everywhere = given.everywhere
+        six = [Component(stress=given, number=i) for i in range(6)] if everywhere is None else everywhere.tolist()
+        return {
+            name: material.substituted({"initial_stress": six})
+            if "initial_stress" in type(material).model_fields else material
+            for name, material in self.materials.items()
+        }  # fmt: skip
+
+    def _check_tensors(self) -> None:
+        for name, fault in self.faults.items():
+            tensor = fault.initial_stress.tensor
+            if tensor is None:
+                continue
+            key = f"faults.{name}.initial_stress.tensor = {tensor}"
+            if self.plane == "antiplane":
+                raise ValueError(f"{key}: not in antiplane; give normal and shear")
+            if self.plane == "solid" and len(tensor) == 3:
+                xx, yy, xy = tensor
+                raise ValueError(
+                    f"{key}: plane = 'solid' needs 6 components, xx, yy, zz, xy, yz, xz; write [{xx:g}, {yy:g}, ZZ, "
+                    f"{xy:g}, YZ, XZ] with the three that are missing"
+                )
+            if self.plane != "solid" and len(tensor) == 6:
+                raise ValueError(
+                    f"{key}: plane = '{self.plane}' has 3 components, xx, yy, xy; write [{tensor[0]:g}, {tensor[1]:g}, "
+                    f"{tensor[3]:g}], or all 6 in the table [initial_stress]"
+                )
+        tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
+        first = next(iter(tensors), "")
+        for name, tensor in tensors.items():
+            if tensor != tensors[first]:
+                raise ValueError(
+                    f"faults.{name}.initial_stress.tensor = {tensor}: faults.{first} has {tensors[first]}, and the "
+                    "bodies have one uniform initial stress; give normal and shear where an interface carries another"
+                )
+
+    def _check_attachments(self, components: str) -> None:
+        seen = set[str]()
+        for number, attachment in enumerate(self.attachments):
+            attachment.check(f"attachments.{number}", self.plane, components)
+            if attachment.name in seen:
+                raise ValueError(
+                    f"attachments.{number}.name = '{attachment.name}': another attachment has that name; give each one "
+                    "of its own"
+                )
+            seen.add(attachment.name)
+
+    def _check_initial_velocity(self, components: str) -> None:
+        for name, velocity in self.initial_velocity.items():
+            if len(velocity) != len(components):
+                raise ValueError(
+                    f"initial_velocity.{name} = {velocity}: plane = '{self.plane}' moves in {', '.join(components)}; "
+                    f"give {len(components)} components"
+                )
+            if self.stepper.kind() != "leapfrog":
+                raise ValueError(
+                    f"initial_velocity.{name}: steps of stepper.kind = '{self.stepper.kind()}' begin at rest; use "
+                    "'leapfrog', or leave it out"
+                )
+
+    def all_boundaries(self) -> Iterator[tuple[str, Boundary]]:
+        """Yield all boundaries with their keys, also those of stages."""
+        for number, boundary in enumerate(self.boundaries):
+            yield f"boundaries.{number}", boundary
+        for number, stage in enumerate(self.stages):
+            for index, boundary in enumerate(stage.boundaries or []):
+                yield f"stages.{number}.boundaries.{index}", boundary
+
+    def all_dampings(self) -> Iterator[tuple[str, Damping]]:
+        """Yield all dampings with their keys, also those of stages."""
+        yield "damping", self.damping
+        for number, stage in enumerate(self.stages):
+            if stage.damping is not None:
+                yield f"stages.{number}.damping", stage.damping
+
+    def _check_instruments(self, allowed: str) -> None:
+        seen = set[str]()
+        for number, instrument in enumerate(self.instruments):
+            instrument.check(f"instruments.{number}", self.plane, allowed)
+            if instrument.name in seen:
+                raise ValueError(
+                    f"instruments.{number}.name = '{instrument.name}': another instrument has that name; give each one "
+                    "of its own"
+                )
+            seen.add(instrument.name)
+
+    def _check_cameras(self) -> None:
+        seen = set[str]()
+        for number, camera in enumerate(self.cameras):
+            camera.check(f"cameras.{number}", self.plane)
+            if camera.name in seen:
+                raise ValueError(
+                    f"cameras.{number}.name = '{camera.name}': another camera has that name; give each one of its own"
+                )
+            seen.add(camera.name)
+
+    def _check_intervals(self) -> None:
+        given = {f"output.{name}_interval": getattr(self.output, f"{name}_interval") for name in self.intervals}
+        given |= {f"instruments.{number}.interval": each.interval for number, each in enumerate(self.instruments)}
+        for key, interval in given.items():
+            if interval is not None and self.duration / interval > MOST_RECORDS:
+                raise ValueError(
+                    f"{key} = {interval:g} s: {self.duration / interval:.3g} records in duration = "
+                    f"{self.duration:g} s, and at most {MOST_RECORDS:g} are made; "
+                    f"give at least {1.01 * self.duration / MOST_RECORDS:.3g} s"
+                )
+
+    def _check_stages(self) -> None:
+        if not self.stages:
+            return
+        together = sum(stage.duration for stage in self.stages)
+        if abs(together - self.duration) > 1e-9 * self.duration:
+            raise ValueError(f"duration = {self.duration:g} s: the stages last {together:g} s together; give that")
+        ties = [boundary for boundary in self.boundaries if boundary.tied_edges is not None]
+        for number, stage in enumerate(self.stages):
+            if stage.boundaries is not None and [b for b in stage.boundaries if b.tied_edges is not None] != ties:
+                raise ValueError(
+                    f"stages.{number}.boundaries: what ties edges (periodic) holds from the beginning to the end; give "
+                    "the same in [[boundaries]] and in every stage"
+                )
+
+    def _check_rotations(self) -> None:
+        if not self.large_rotations or self.plane == "solid":  # refused by `support.py`
+            return
+        if self.faults:
+            raise ValueError(
+                f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
+                "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
+            )
+
+    def _check_fracture(self) -> None:
+        if self.plane == "solid":  # [fracture] is refused by `support.py`
+            if self.collisions is not None and self.fracture is None:
+                raise ValueError("collisions, plane = 'solid': in plane stress and strain only; remove [collisions]")
+            return
+        if self.collisions is not None and (self.fracture is None or not self.large_rotations):
+            remedies = ["the table [fracture]"] * (self.fracture is None)
+            remedies += ["large_rotations = true before the first table"] * (not self.large_rotations)
+            raise ValueError(f"collisions: what moves far may turn and break; add {', and '.join(remedies)}")
+        if self.fracture is None:
+            return
+        if self.order != 1:
+            raise ValueError(f"order = {self.order}: with [fracture] the cells must be of order 1; set order = 1")
+        for name, fault in self.faults.items():
+            for key in ("normal", "shear"):
+                value = getattr(fault.initial_stress, key)
+                if value is not None and (callable(value) or value != 0):
+                    raise ValueError(
+                        f"faults.{name}.initial_stress.{key}: with [fracture] the facets of the bodies carry the "
+                        "initial stress, too, and need all of it; give initial_stress.tensor, or load the bodies by "
+                        "boundaries"
+                    )
+
+    def _check_axisymmetric(self) -> None:
+        if self.plane != "axisymmetric":
+            return
+        for name, fault in self.faults.items():
+            if fault.initial_stress.tensor is not None:
+                raise ValueError(
+                    f"faults.{name}.initial_stress.tensor: around an axis no uniform stress is in equilibrium in "
+                    "general; give the normal and shear stress of the interface"
+                )
+
+    @property
+    def initial_tensor(self) -> np.ndarray | None:
+        """Uniform initial stress of the bodies, shape (dim, dim) [Pa]; None if only tractions are given."""
+        dim = 3 if self.plane == "solid" else 2
+        if self.initial_stress is not None:
+            everywhere = self.initial_stress.everywhere
+            return None if everywhere is None else matrices(everywhere[None])[0, :dim, :dim]
+        given = (fault.initial_stress.matrix(dim) for fault in self.faults.values())
+        return next((tensor for tensor in given if tensor is not None), None)
+
+    @property
+    def intervals(self) -> dict[str, float]:
+        """Time between records [s] of interfaces, bodies, and averaged forces."""
+        output = self.output
+        found = {
+            "interface": output.interface_interval or self.duration / RECORDS.get(self.plane, 300),
+            "bulk": output.bulk_interval or self.duration / 6,
+        }
+        return found if output.forces_interval is None else {**found, "forces": output.forces_interval}
+
+    @property
+    def impact_speed(self) -> float:
+        """Largest driven velocity [m/s], 0 without driven edges."""
+        return max((boundary.largest_speed for _, boundary in self.all_boundaries()), default=0.0)
+
+    @property
+    def driven_edges(self) -> list[str]:
+        """Edges whose motion is prescribed."""
+        return [each.driven_edge for _, each in self.all_boundaries() if each.driven_edge is not None]
+
+
+def parse_case(table: Table, directory: Path | None = None) -> Case | LumpedModel:
+    """Return a case from tables, with paths relative to `directory`; a top-level ``kind`` names a lumped model.
+
+    Raises
+    ------
+    CaseError
+    """
+    table = dict(table)
+    check_tables(table)
+    try:
+        if "kind" in table:
+            kind = table.pop("kind")
+            with active(named(table, directory)):
+                if kind not in kinds("ruptfx.lumped"):
+                    hint = nearest(str(kind), kinds("ruptfx.lumped"))
+                    raise CaseError(f"kind = '{shown_key(kind)}': unknown, {hint}")
+                model = cast("type[LumpedModel]", find("ruptfx.lumped", kind))
+            return model.model_validate(table, context={"directory": directory})
+        return Case.model_validate(table, context={"directory": directory})
+    except ValidationError as error:
+        raise CaseError.from_validation(error) from None
+
+
+def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Case | LumpedModel:
+    """Read and check a case file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file.
+    overrides : iterable of str
+        ``"faults.main.initial_stress.normal=30e6"``: dotted key and TOML value.
+
+    Raises
+    ------
+    CaseError
+        File missing, not TOML or a study; unknown keys, wrong types or signs, inconsistent values.
+    """
+    path = Path(path)
+    table = read_toml(path)
+    if "axes" in table:
+        raise CaseError(f"{path}: a study, not a case; run it with: ruptfx study {shlex.quote(str(path))}")
+    for item in overrides:
+        override(table, item)
+    try:
+        return parse_case(table, path.resolve().parent)
+    except CaseError as error:
+        raise CaseError("\n".join(f"{path}: {line}" for line in str(error).splitlines())) from None
+
+
+def read_toml(path: Path) -> Table:
+    """Return the tables of a TOML file, unchecked.
+
+    Raises
+    ------
+    CaseError
+        File missing, or not TOML.
+    """
+    if (path / "case.toml").is_file():
+        raise CaseError(f"{path}: a run directory; its case is {path / 'case.toml'}, and 'ruptfx resume' continues it")
+    try:
+        return load_toml(path.read_text(encoding="utf-8-sig"))
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None
+    except (OSError, ValueError) as error:  # ValueError: invalid file name, or bytes that are not text
+        raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def load_toml(text: str) -> Table:
+    """Return the tables of a TOML text.
+
+    Raises
+    ------
+    CaseError
+    """
+    try:
+        table = tomllib.loads(text)
+    except RecursionError:
+        raise CaseError("not valid TOML: nested too deeply; use at most 40 levels") from None
+    except ValueError as error:  # also raised by integers with thousands of digits
+        raise CaseError(f"not valid TOML: {error}") from None
+    check_tables(table)
+    return table
+
+
+def override(table: Table, item: str) -> None:
+    """Set one dotted key of the tables in place; list entries are addressed by number.
+
+    Raises
+    ------
+    CaseError
+    """
+    key, equals, text = item.partition("=")
+    if not equals or not key.strip():
+        raise CaseError(f"--set {item}: write KEY=VALUE, for example duration=60e-6")
+    try:
+        value = load_toml(f"value = {text}")["value"]
+    except CaseError:
+        value = text.strip()  # an unquoted word
+    try:
+        set_key(table, key.strip(), value)
+    except CaseError as error:
+        raise CaseError(f"--set {item}: {error}") from None
+
+
+def case_schema() -> Table:
+    """Return the JSON schema of a case file: of a field run, or with a top-level ``kind`` of a lumped model."""
+    schema = json_schema(Case, [f"ruptfx.{folder}" for folder in (*FOLDERS, "lumped")])
+    definitions = schema.pop("$defs")
+    definitions["case"] = schema
+    bare = find("ruptfx.stepping.steppers", "leapfrog").model_json_schema()  # as the case reads one without a kind
+    stepper = schema["properties"]["stepper"]
+    schema["properties"]["stepper"] = {"anyOf": [{"$ref": stepper.pop("$ref")}, bare], **stepper}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ruptfx case",
+        "oneOf": [{"$ref": "#/$defs/case"}, {"$ref": "#/$defs/lumped"}], "$defs": definitions,
+    }  # fmt: skip

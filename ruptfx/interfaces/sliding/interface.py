@@ -1,0 +1,426 @@
+"""The jump of an interface with finite sliding, and its exact transpose.
+
+Points are the nodes of the plus side; the mortar pairing (`ruptfx.interfaces.sliding.mortar`) gives each a weighted mean of nodes
+of the minus side. The jump is affine in the displacement,
+
+    [u] = offset + frame (u+ - B u-),
+
+with an offset that makes the normal part the gap between the present surfaces, and that keeps the
+tangential part continuous when B and the frames change: sticking points remain stuck, and slip accumulates.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx import RuptfxError
+from ruptfx.bodies.meshes import FACETS, Base
+from ruptfx.bodies.meshes.lobatto import nodes_between
+from ruptfx.bodies.space.nodes import Nodes
+from ruptfx.interfaces.faults.interface import Interface, Line, local_frame
+from ruptfx.interfaces.sliding import Sliding
+from ruptfx.interfaces.sliding.mortar import COLUMNS, Coupling, Mortar
+from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
+from ruptfx.platform import fem, parallel
+from ruptfx.platform.codegen import native
+
+JUMP = files("ruptfx.interfaces.sliding").joinpath("jump.c")
+TOUCHING = 1e-6  # largest initial opening of touching surfaces over the length of a facet
+OVERLAP = 0.01  # largest initial overlap of the surfaces over the distance of nodes
+
+
+class Table(ctypes.Structure):
+    """`struct pairing` of jump.c."""
+
+    _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns", "width")] + [
+        (name, ctypes.c_void_p) for name in (
+            "dofs", "first", "coupling", "paired", "transposed", "frame", "weight", "across", "back", "forces",
+        )
+    ]  # fmt: skip
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    return native.load("jump", JUMP.read_text())
+
+
+class Geometry:
+    """Variable quantities of a sliding interface: B, frames and weights, overwritten in place.
+
+    Parameters
+    ----------
+    plus, minus : Surface
+
+    Attributes
+    ----------
+    coupling : Coupling
+        B of the movable nodes, of which a rigid surface has none.
+    opposite : Coupling
+        B of all nodes of the opposite surface; the same unless that is rigid.
+    offset : ndarray, shape (n, 2)
+        [m]
+    covered : ndarray of bool, shape (n,)
+        Whether a point has a partner on the opposite surface.
+    all_covered : bool
+    revision : int
+        Number of updates.
+    slides : float
+        Upper bound of the slip of all points in the next step, infinite if unknown [m].
+    table : Table
+        The same data for the C code.
+    """
+
+    coupling: Coupling
+    opposite: Coupling
+    covered: NDArray[np.bool_]
+
+    def __init__(self, plus: Surface, minus: Surface) -> None:
+        self.plus, self.minus = plus, minus
+        self._mortar = Mortar(plus, minus)
+        n = len(plus.nodes)
+        self.frame, self.weight, self.offset = np.zeros((n, 2, 2)), np.zeros(n), np.zeros((n, 2))
+        self.nearest = np.zeros(n, dtype=np.int64)
+        self._acting = np.zeros((n, 2, 2))  # frames, zero for points without a partner
+        self._dofs = 2 * np.concatenate([plus.nodes, minus.nodes])
+        self.coupling = self.opposite = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
+        self.covered, self.all_covered = np.zeros(0, dtype=bool), True
+        self.revision, self.table, self.slides = 0, Table(), np.inf
+        self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
+
+    def follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
+        """Update the pairing of all points.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (nodes of both surfaces, 2)
+            Displacement of the plus, then of the minus side [m].
+        slip : ndarray, shape (n,)
+            Tangential jump so far, which remains continuous [m].
+        before : ndarray, shape (nodes of both surfaces, 2), optional
+            Displacement with that jump [m]; default: `displacement`.
+
+        Raises
+        ------
+        RuptfxError
+            A surface that folds back.
+        """
+        self.revision += 1
+        n, rigid = len(self.plus.nodes), not len(self.minus.nodes)
+        if not n:
+            return
+        there = self.minus.points if rigid else self.minus.points + displacement[n:]
+        found = self._mortar.find(self.plus.points + displacement[:n], there)
+        self.frame[:] = local_frame(np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1))
+        self._acting[:] = self.frame * found.covered[:, None, None]
+        self.opposite, self.weight[:], self.covered = found.coupling, found.weight, found.covered
+        self.all_covered = bool(self.covered.all())
+        none = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, COLUMNS)), 0)
+        self.coupling = none if rigid else found.coupling
+        self._tabulate()
+        apart = self.plus.points - self.opposite @ self.minus.points
+        before = displacement if before is None else before
+        moved = before[:n] - self.coupling @ before[n:]
+        self.offset[:, 0] = np.where(self.covered, np.sum(self.frame[:, 0] * apart, axis=1), self._far)
+        self.offset[:, 1] = slip - np.sum(self._acting[:, 1] * moved, axis=1)
+        self.nearest[:] = self.plus.nodes if rigid else self.minus.nodes[self.coupling.nearest()]
+
+    def _tabulate(self) -> None:
+        n, m, columns = len(self.plus.nodes), len(self.minus.nodes), self.coupling.values.shape[1]
+        back = self.coupling.transposed()
+        width = back.values.shape[1]
+        self._arrays = (
+            self._dofs, self.coupling.first, self.coupling.values, back.first, back.values, self._acting, self.weight,
+            *np.zeros((2, 2, m + columns)), np.zeros((2, n + width)),
+        )  # fmt: skip
+        self.table = Table(n, m, columns, width, *(array.ctypes.data for array in self._arrays))
+
+    def rate(self, field: Floats) -> Floats:
+        """Return J field for all degrees of freedom of this rank, shape (n, 2)."""
+        local = np.zeros((len(self.plus.nodes), 2))
+        _library().jump(ctypes.byref(self.table), _pointer(field), _pointer(local))
+        return local
+
+    def assemble(self, traction: Floats, out: Floats) -> None:
+        """Add J' W traction to `out`."""
+        _library().assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
+
+    def opposite_values(self, values: Floats) -> Floats:
+        """Return values of the minus side interpolated to the points; NaN for points without a partner."""
+        found = self.opposite @ values
+        found[~self.covered] = np.nan
+        return found
+
+    @property
+    def _far(self) -> float:
+        """Gap assigned to points without a partner [m]."""
+        return 10 * self.plus.spacing
+
+
+def _pointer(array: Floats) -> ctypes.c_void_p:
+    assert array.flags.c_contiguous and array.dtype == np.float64
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingInterface(Interface):
+    """An interface with finite sliding; `minus` is the nearest node of the opposite side, for data of its body.
+
+    For a rigid base, whose surface does not move, it is `plus`.
+
+    Attributes
+    ----------
+    geometry : Geometry
+    limit : float
+        Slip after which explicit steps update the pairing [m].
+    step_limit : float
+        Largest slip of an implicit step [m].
+    near : float
+        Motion after which they update it if points have no partner: the length of a facet [m].
+    """
+
+    geometry: Geometry
+    limit: float
+    step_limit: float
+    near: float
+
+    @property
+    def nodes(self) -> Integers:
+        """Local nodes of both surfaces."""
+        return np.concatenate([self.geometry.plus.nodes, self.geometry.minus.nodes])
+
+    def touches(self, opening: Floats) -> NDArray[np.bool_]:
+        return self.covered & (opening <= TOUCHING * self.near)
+
+    @property
+    def surface_points(self) -> Floats:
+        plus, minus = self.geometry.plus, self.geometry.minus
+        return np.concatenate([plus.points, minus.points[: len(minus.nodes)]])
+
+    @cached_property
+    def dofs(self) -> Integers:
+        """Local degrees of freedom of both surfaces."""
+        return (2 * self.nodes[:, None] + np.arange(2)).ravel()
+
+    @property
+    def resting_jump(self) -> Floats:
+        return np.maximum(self.initial.geometry.offset[:, 0], 0.0)
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        return self.geometry.covered
+
+    def without_partner(self) -> tuple[Integers, Floats]:
+        """Return nodes without a partner on the opposite side, and the surface length of each [m]."""
+        plus, minus, coupling = self.geometry.plus, self.geometry.minus, self.geometry.coupling
+        if self.covered.all():
+            return super().without_partner()
+        met = np.zeros(coupling.nodes + coupling.values.shape[1])
+        np.add.at(met, coupling.first[:, None] + np.arange(coupling.values.shape[1]), coupling.values)
+        alone = np.concatenate([~self.covered, met[: coupling.nodes] == 0])
+        return self.nodes[alone], np.concatenate([plus.lengths, minus.lengths[: coupling.nodes]])[alone]
+
+    def jump(self, field: Floats) -> Floats:
+        return self.geometry.offset + self.rate(field)
+
+    def places(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the positions of the points and of their partners [m].
+
+        Returns
+        -------
+        tuple of ndarray, shapes (n,), (n, 2) and (n, 2)
+            Undeformed position of the partners along their surface; present coordinates of the points and of the
+            partners.
+        """
+        n, minus = len(self.plus), self.geometry.minus.points
+        now = self.surface_points + displacement[self.dofs].reshape(-1, 2)
+        along = minus[:, 0]
+        if self.line.measure != "x":
+            along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(minus, axis=0), axis=1))])[: len(minus)]
+        there = now[n:] if len(self.geometry.minus.nodes) else minus
+        return self.geometry.opposite_values(along), now[:n], self.geometry.opposite_values(there)
+
+    def rate(self, field: Floats) -> Floats:
+        return self.geometry.rate(np.ascontiguousarray(field, dtype=float))
+
+    def assemble(self, traction: Floats, out: Floats) -> None:
+        self.geometry.assemble(np.ascontiguousarray(traction, dtype=float), out)
+
+    def stencil(self) -> tuple[Integers, Floats]:
+        coupling, m = self.geometry.coupling, len(self.geometry.minus.nodes)
+        if self.one_sided:
+            return self.plus[:, None], (self.frame * self.covered[:, None, None])[:, None]
+        opposite = np.minimum(coupling.first[:, None] + np.arange(coupling.values.shape[1]), max(m - 1, 0))
+        nodes = np.column_stack([self.plus, self.geometry.minus.nodes[opposite]])
+        shares = np.column_stack([np.ones(len(self.plus)), -coupling.values]) * self.covered[:, None]
+        return nodes, np.einsum("ij,ikc->ijkc", shares, self.frame)
+
+    @cached_property
+    def initial(self) -> SlidingInterface:
+        geometry = Geometry(self.geometry.plus, self.geometry.minus)
+        return replace(self, geometry=geometry, frame=geometry.frame, weight=geometry.weight, minus=geometry.nearest)
+
+
+def build_sliding(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
+    """Return the interface between two surfaces with meshes of their own.
+
+    Parameters
+    ----------
+    nodes : Nodes
+        Nodes of the displacement.
+    name : str
+    table : Sliding
+        Options of finite sliding in the case.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks: one body or none on the other side, surfaces that are no open chains or overlap, antiplane, 3D.
+    """
+    comm = nodes.comm
+    error: Exception | None = None
+    face = None
+    try:
+        face = _local(nodes, name, table)
+    except RuptfxError as caught:
+        error = caught
+    parallel.raise_on_all(comm, error)
+    assert face is not None
+    return _in_order(comm, face)
+
+
+def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
+    """Return the interface on this rank, without the line and the number of points, which need all ranks."""
+    space, bodies = nodes.space, nodes.bodies
+    if space.mesh.geometry.dim != 2 or space.dofmap.index_map_bs != 2:
+        raise RuptfxError(
+            f"faults.{name}.sliding: only motion in a plane slides far (plane = 'stress' or 'strain'); remove "
+            "this table"
+        )
+    base = bodies.bases.get(name)
+    if name in bodies.one_sided and base is None:
+        rough = ", or give mesh.base, a surface to slide on" * (bodies.one_sided[name] == "rigid")
+        raise RuptfxError(
+            f"faults.{name}.sliding: the minus side is not meshed ({bodies.one_sided[name]}), nothing there can slide "
+            f"away; remove this table, or mesh both bodies{rough}"
+        )
+    coordinates = fem.from_owners(space, nodes.coordinates)
+
+    def chain(side: str, facets: Integers) -> Surface:
+        return _chain(space, coordinates, _cells_of(space, facets), left=side == "plus", name=f"{name}.{side}")
+
+    plus = chain("plus", bodies.surfaces[name][0])
+    minus = chain("minus", bodies.surfaces[name][1]) if base is None else _rigid(base, plus)
+    if np.isin(np.concatenate([nodes.kept, nodes.copies]), np.concatenate([plus.nodes, minus.nodes])).any():
+        raise RuptfxError(
+            f"faults.{name}.sliding: the interface ends at periodic edges, and what slides has two ends; remove this "
+            "table or that boundary"
+        )
+    geometry = Geometry(plus, minus)
+    spacing = plus.spacing if len(plus.nodes) else 0.0
+    gap = geometry.offset[:, 0]
+    if len(gap) and gap.min() < -OVERLAP * spacing:
+        worst = int(np.argmin(gap))
+        x, y = plus.points[worst]
+        raise RuptfxError(
+            f"interface '{name}': the bodies overlap by {-gap[worst]:.4g} m at ({x:.6g}, {y:.6g}) m before anything "
+            f"moves, at most {OVERLAP * spacing:.2g} m (a hundredth of the distance of nodes) are taken; move one of "
+            "them away"
+        )
+    n = len(plus.nodes)
+    return SlidingInterface(
+        points=plus.points, position=np.zeros(n), number=np.arange(n), plus=plus.nodes, minus=geometry.nearest,
+        frame=geometry.frame, weight=geometry.weight, owned=plus.nodes < nodes.owned, total=n,
+        line=Line("x", np.zeros(2), 0.0, 0.0), geometry=geometry,
+        other_side=bodies.one_sided.get(name, "meshed"), limit=table.update_slip * spacing,
+        step_limit=table.limit * spacing, near=plus.order * spacing,
+    )  # fmt: skip
+
+
+def _rigid(base: Base, plus: Surface) -> Surface:
+    """Return the surface of a rigid base in facets about as long as those of the other side."""
+    nodes = np.zeros(0, dtype=np.int64)
+    if not plus.facets:
+        return Surface(nodes, np.zeros((0, 2)), plus.order)
+    (left, right), facet = base.ends, np.median(np.linalg.norm(np.diff(plus.points[:: plus.order], axis=0), axis=1))
+    ends = np.linspace(left, right, max(1, round((right - left) / facet)) + 1)
+    return Surface(nodes, base.points(nodes_between(ends, plus.order)), plus.order)
+
+
+def _cells_of(space: fem.dolfinx.fem.FunctionSpace, facets: Integers) -> Integers:
+    """Return local cell, ghosts included, and number in the cell of the facets this rank knows, shape (facets, 2)."""
+    mesh = space.mesh
+    local = FACETS[mesh.basix_cell().name]
+    corners = fem.geometry_dofmap(mesh)[:, : 1 + max(map(max, local))]
+    inputs = mesh.geometry.input_global_indices[corners]
+    wanted = {frozenset(facet) for facet in facets.tolist()}
+    near = np.flatnonzero(np.isin(inputs, facets).sum(axis=1) > 1)
+    found = [
+        (cell, number)
+        for cell, vertices in zip(near.tolist(), inputs[near].tolist(), strict=True)
+        for number, facet in enumerate(local)
+        if frozenset(vertices[i] for i in facet) in wanted
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _chain(
+    space: fem.dolfinx.fem.FunctionSpace, coordinates: Floats, facets: Integers, left: bool, name: str
+) -> Surface:
+    """Return facets as one chain, with the body on the left for the plus side and on the right for the minus side.
+
+    Raises
+    ------
+    RuptfxError
+        Facets that are not one open chain.
+    """
+    order = space.element.basix_element.degree
+    if not len(facets):
+        return Surface(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), order)
+    dofs = space.dofmap.list
+    closure = [space.dofmap.dof_layout.entity_closure_dofs(1, number) for number in range(facets[:, 1].max() + 1)]
+    rows = []
+    for cell, number in facets.tolist():
+        nodes = dofs[cell][closure[number]]
+        x = coordinates[nodes]
+        chord = x[1] - x[0]  # closures begin with the vertices
+        inward = coordinates[dofs[cell]].mean(axis=0) - x[:2].mean(axis=0)
+        turn = chord[0] * inward[1] - chord[1] * inward[0]
+        chord = chord if (turn > 0) == left else -chord
+        rows.append(nodes[np.argsort(x @ chord)])
+    follows = {int(row[0]): row for row in rows}
+    begins = set(follows) - {int(row[-1]) for row in rows}
+    chain: list[Integers] = []
+    node = min(begins, default=-1)
+    while node in follows and len(chain) < len(rows):
+        chain.append(follows[node])
+        node = int(chain[-1][-1])
+    if len(begins) != 1 or len(chain) != len(rows):
+        raise RuptfxError(
+            f"{name}: {len(rows)} facets that are not one line with two ends; an interface that slides has one piece, "
+            "is not closed and does not branch"
+        )
+    nodes = np.concatenate([row[:-1] for row in chain] + [chain[-1][-1:]]).astype(np.int64)
+    return Surface(nodes, coordinates[nodes], order)
+
+
+def _in_order(comm: fem.MPI.Comm, face: SlidingInterface) -> SlidingInterface:
+    """Return the interface with positions: x if the plus side runs along it, else the length along the surface."""
+    share = parallel.share_rows(comm, np.column_stack([face.number, face.points])[face.owned])
+    points = share[np.argsort(share[:, 0]), 1:]
+    steps = np.diff(points, axis=0)
+    if np.all(steps[:, 0] > 0):
+        extent = np.abs(points[:, 0]).max()  # scale for rounding
+        x = np.round(points[:, 0] / extent, 13) * extent + 0.0
+        line = Line("x", np.array([0.0, points[0, 1]]), float(x[0]), float(x[-1]))
+        position = x[face.number]
+    else:
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+        line = Line("arc length", points[0], 0.0, float(along[-1]))
+        position = along[face.number]
+    return replace(face, position=position, total=len(points), line=line)

@@ -1,0 +1,151 @@
+"""Roughness of the surfaces of a sliding interface, and their pressure, in the initial state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
+from ruptfx.bodies.meshes.rough_plates import RoughPlates
+from ruptfx.input.profiles.constant import Constant
+from ruptfx.input.profiles.self_affine import SelfAffine
+from ruptfx.input.profiles.sinusoid import Sinusoid
+from ruptfx.interfaces.sliding.interface import SlidingInterface
+from ruptfx.interfaces.sliding.surface import Floats, Surface
+from ruptfx.laws import fracture
+
+if TYPE_CHECKING:
+    from ruptfx.bodies.boundaries.loading import Loads
+    from ruptfx.bodies.space.discretisation import Discretisation
+    from ruptfx.input.schema import Part
+    from ruptfx.interfaces.faults.fault import Fault
+
+SMOOTH = 1e-9  # root mean square slope caused by rounding
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Roughness of two opposite surfaces.
+
+    Attributes
+    ----------
+    modulus : float
+        E* of the two bodies [Pa].
+    slope : float
+        Root mean square slope of their distance.
+    wave : (float, float), or None
+        Amplitude and wavelength of their distance [m], if it is a sinusoid.
+    shortest : float or None
+        Shortest wavelength of the profiles [m], if they have one.
+    spacing : (float, float)
+        Median distance of nodes of the plus and the minus side [m].
+    pressure : float or None
+        Largest mean pressure [Pa]; None if it depends on the motion of edges.
+    """
+
+    modulus: float
+    slope: float
+    wave: tuple[float, float] | None
+    shortest: float | None
+    spacing: tuple[float, float]
+    pressure: float | None
+
+
+def roughness(
+    model: Discretisation, mesh: Part, fault: Fault, loads: Sequence[tuple[float, Loads]]
+) -> Roughness | None:
+    """Return the roughness of an interface, None if it is smooth or a side has several materials or anisotropic ones.
+
+    Parameters
+    ----------
+    model : Discretisation
+        On one rank.
+    mesh : Part
+        Table of the mesh.
+    fault : Fault
+    loads : sequence of (float, Loads)
+        Times [s], and the loads on the bodies for each.
+    """
+    face = fault.interface
+    assert isinstance(face, SlidingInterface)
+    sides = face.geometry.plus, face.geometry.minus
+    slope = _slope(*sides)
+    moduli = [_modulus(model, side) for side in sides]
+    if slope < SMOOTH or None in moduli:
+        return None
+    modulus = 1 / sum(1 / each for each in moduli if each is not None)
+    spacing = sides[0].spacing, sides[1].spacing
+    wave, shortest = _waves(mesh)
+    return Roughness(modulus, slope, wave, shortest, spacing, _pressure(model, fault, face, loads))
+
+
+def welded_nodes(model: Discretisation, side: Surface) -> np.ndarray:
+    """Return a mask of the nodes of the bodies of a surface and of all bodies that are welded to them."""
+    layout = model.layout
+    return np.asarray(np.isin(layout.welded[layout.body], layout.welded[layout.body[side.nodes]]))
+
+
+def _slope(plus: Surface, minus: Surface) -> float:
+    """Return the root mean square slope of the distance of two surfaces where they overlap along the tangent."""
+    along = plus.points[-1] - plus.points[0]
+    along /= np.linalg.norm(along)
+    (here, above), (there, below) = (
+        (side.points @ along, side.points @ np.array([-along[1], along[0]])) for side in (plus, minus)
+    )
+    low, high = max(here[0], there[0]), min(here[-1], there[-1])
+    s = np.unique(np.clip(np.concatenate([here, there]), low, high))
+    apart = np.interp(s, here, above) - np.interp(s, there, below)
+    step = np.diff(s)
+    return float(np.sqrt(np.sum(np.diff(apart) ** 2 / step) / step.sum()))
+
+
+def _modulus(model: Discretisation, side: Surface) -> float | None:
+    """Return E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite for a rigid side, None for no number."""
+    if not len(side.nodes):
+        return float("inf")
+    first, *others = [model.materials[body] for body in np.flatnonzero(model.layout.touches[:, side.nodes].any(axis=1))]
+    if first.lame(model.plane) is None or any(material != first for material in others):
+        return None
+    material = first
+    speeds = material.wave_speeds(model.plane)
+    return 2 * fracture.effective_modulus(material.density * speeds.c_s**2, speeds.c_p, speeds.c_s)
+
+
+def _waves(mesh: Part) -> tuple[tuple[float, float] | None, float | None]:
+    """Return amplitude and wavelength of a sinusoidal distance, and the shortest wavelength of profiles, or None."""
+    if isinstance(mesh, RoughPlates):
+        profiles = mesh.upper.profile, mesh.lower.profile
+    elif isinstance(mesh, BlockOnRigid) and mesh.base is not None:
+        profiles = 0.0, mesh.base.profile
+    else:
+        return None, None
+    lengths = [p.wavelength if isinstance(p, Sinusoid) else p.shortest for p in profiles
+               if isinstance(p, Sinusoid | SelfAffine)]  # fmt: skip
+    shortest = min(lengths, default=None)
+    plain = all(isinstance(p, Sinusoid | Constant | float | int) for p in profiles)
+    if shortest is None or not plain or max(lengths) > shortest * (1 + 1e-9):
+        return None, shortest
+    upper, lower = (p.amplitude * np.exp(1j * p.phase) if isinstance(p, Sinusoid) else 0.0 for p in profiles)
+    return (float(abs(upper - lower)), shortest), shortest
+
+
+def _pressure(
+    model: Discretisation, fault: Fault, face: SlidingInterface, loads: Sequence[tuple[float, Loads]]
+) -> float | None:
+    """Return the largest mean pressure of initial stress and loads [Pa], None if motion of edges determines it."""
+    area: Floats = (face.weight[:, None] * face.frame[:, 0]).sum(axis=0)
+    length = float(np.linalg.norm(area))
+    initial = float(face.weight @ fault.normal_stress_0) / length
+    across = int(np.argmax(np.abs(area)))
+    for side, sign in ((face.geometry.plus, -1.0), (face.geometry.minus, 1.0)):
+        if not len(side.nodes):  # rigid
+            continue
+        nodes = np.flatnonzero(welded_nodes(model, side))
+        if any(each.prescribed.reshape(-1, 2)[nodes, across].any() or each.supports for _, each in loads):
+            continue
+        pushes = [each.force(time).reshape(-1, 2)[nodes].sum(axis=0) @ area for time, each in loads]
+        return initial + max(sign * float(push) for push in pushes) / length**2
+    return None

@@ -1,0 +1,266 @@
+"""Unknowns of an objective: which initial tractions and parameters of a law the keys of a case are."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.input.profiles import evaluate
+from ruptfx.input.schema import CaseError, nearest, unit_of
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.mechanisms import mechanisms_of
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.nucleation import Nucleation
+from ruptfx.many_runs.adjoint.bodies import constants_of
+from ruptfx.platform import parallel
+from ruptfx.readings.misfits import Misfit, Unknown
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.faults.interface import Interface
+    from ruptfx.run.model import Model
+
+Floats = NDArray[np.float64]
+INSTANTS = ("begin", "end")
+"""Times of a nucleation, which are no unknowns: with its begin its end moves, too."""
+STIFFNESS = "Pa/m"
+"""Unit of the constants of contact methods by which a run is differentiated."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place of an unknown among the parameters of the interfaces, or the constants of the bodies.
+
+    Attributes
+    ----------
+    key, unit : str
+    fault : int
+        -1 for a constant of bodies and a parameter of a term.
+    rows : tuple of (str, float)
+        Parameters of `PointMap` and their change by that of the unknown; none for a nucleation.
+    nucleation : Nucleation, optional
+        Nucleation of unit amplitude, if the unknown is an amplitude.
+    """
+
+    key: str
+    unit: str
+    fault: int
+    rows: tuple[tuple[str, float], ...] = ()
+    nucleation: Nucleation | None = None
+    constant: tuple[str, str] | None = None
+    """Material and name of a constant of bodies."""
+    term: tuple[int, str] | None = None
+    """Number and parameter of a term of the objective."""
+
+    @property
+    def of_points(self) -> bool:
+        """True if the unknown has a value at every point of an interface, and is no single number."""
+        return self.fault >= 0
+
+    @property
+    def of_contact(self) -> bool:
+        """True for a stiffness of a contact method, on which the stable time step depends."""
+        return any(name.startswith("c_") for name, _ in self.rows)
+
+
+def constants(model: Model) -> dict[str, Place]:
+    """Return the constants of the bodies by which a run is differentiated, by key."""
+    keys = {f"materials.{name}.{each}": (name, each, unit) for name, each, unit in constants_of(model)}
+    return {key: Place(key, unit, -1, constant=(name, each)) for key, (name, each, unit) in keys.items()}
+
+
+def of_terms(terms: Sequence[Misfit]) -> dict[str, Place]:
+    """Return the parameters of the terms of an objective by which it is differentiated, by key."""
+    known = [(f"objective.{n}.{name}", (n, name), unit) for n, term in enumerate(terms)
+             for name, unit in term.parameters.items()]  # fmt: skip
+    return {key: Place(key, unit, -1, term=which) for key, which, unit in known}
+
+
+def places(model: Model) -> dict[str, Place]:
+    """Return all unknowns that the interfaces of a case have, by key."""
+    return {place.key: place for number, fault in enumerate(model.faults) for place in _of_fault(model, number, fault)}
+
+
+def chosen(
+    model: Model, unknowns: Sequence[Unknown], terms: Sequence[Misfit] | None = None
+) -> list[tuple[Unknown, Place]]:
+    """Return the given unknowns, or all of the interfaces, with their places.
+
+    Parameters
+    ----------
+    model : Model
+    unknowns : sequence of Unknown
+    terms : sequence of Misfit, optional
+        Of the objective; default is that of the case.
+
+    Raises
+    ------
+    CaseError
+        A key that is no unknown of the case, or given twice; knots of a single number, on a surface, or on which no
+        point depends.
+    """
+    known = places(model)
+    given = list(unknowns) or [Unknown(key=key) for key in known]
+    known |= constants(model) | of_terms(model.case.objective if terms is None else terms)
+    for number, each in enumerate(given):
+        if each.key not in known:
+            hint = nearest(each.key, list(known))
+            raise CaseError(f"unknowns.{number}.key = '{each.key}': cannot be differentiated, {hint}")
+        if each.key in [other.key for other in given[:number]]:
+            raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
+        if not known[each.key].of_points and each.shape == "knots":
+            raise CaseError(f"unknowns.{number}.shape = 'knots': '{each.key}' is one number; use shape = 'number'")
+        if each.shape == "knots":
+            face = model.faults[known[each.key].fault].interface
+            hats(each, face, whole(model, face, face.position), f"unknowns.{number}")
+    return [(each, known[each.key]) for each in given]
+
+
+def whole(model: Model, face: Interface, values: Floats) -> Floats:
+    """Return values at all points of an interface in their order, from those of every rank; collective."""
+    found = np.zeros(face.total)
+    found[face.number[face.owned]] = values[face.owned]
+    return parallel.total(model.comm, found)
+
+
+def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Floats:
+    """Return the linear interpolation from knots to points, constant outside.
+
+    Parameters
+    ----------
+    unknown : Unknown
+    face : Interface
+    position : ndarray, shape (n,)
+        All points of the interface [m].
+    key : str
+        Of the unknown, for messages.
+
+    Returns
+    -------
+    ndarray, shape (n, knots)
+
+    Raises
+    ------
+    CaseError
+        Knots on a surface, outside of the interface, or on which no point depends.
+    """
+    assert unknown.knots is not None
+    knots = np.array(unknown.knots)
+    if face.across is not None:
+        raise CaseError(f"{key}.shape = 'knots': knots are along lines, and this is a surface; use 'number'")
+    if knots.max() < position.min() or knots.min() > position.max():
+        raise CaseError(
+            f"{key}.knots = {unknown.knots}: the interface lies from {position.min():g} m to "
+            f"{position.max():g} m; place knots there"
+        )
+    found = np.array([np.interp(position, knots, row) for row in np.eye(len(knots))]).T
+    empty = ~found.any(axis=0)
+    if empty.any():
+        raise CaseError(
+            f"{key}.knots: no point of the interface depends on that at {knots[np.argmax(empty)]:g} m; remove it"
+        )
+    return found
+
+
+def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
+    of_case = model.placed[fault.name]
+    key = f"faults.{fault.name}"
+    given = of_case.initial_stress
+    if of_case.friction.given_slip_rate() is not None and given.shear is None:
+        raise CaseError(
+            f"{key}.friction.V_initial: with the state given, too, the initial shear stress follows from the law, and "
+            "its derivative is not computed; give initial_stress.shear in its place"
+        )
+    if given.of_bodies and fault.tangents > 1:
+        # The directions of both tractions vary from point to point.
+        raise CaseError(
+            f"{key}.initial_stress: derivatives need normal and shear (and rake) there, in place of [initial_stress]"
+        )
+    angle = np.deg2rad(given.rake or 0.0)
+    directions = (1.0,) if fault.tangents == 1 else (float(np.cos(angle)), float(np.sin(angle)))
+    rows = tuple((f"shear_traction_0_{k}", part) for k, part in enumerate(directions))
+    yield Place(f"{key}.initial_stress.shear", "Pa", number, rows)
+    yield Place(f"{key}.initial_stress.normal", "Pa", number, (("normal_stress_0", 1.0),))
+    wrapped = [each for each in fault.nucleation if type(each).weaken is not Nucleation.weaken]
+    law: FrictionLaw = fault.friction
+    prefix = "p_"
+    for weakening in reversed(wrapped):  # the last one is outside
+        index = fault.nucleation.index(weakening)
+        for name in type(law).model_fields:
+            if name in type(weakening).model_fields and name in _numbers(law) and name not in INSTANTS:
+                place = f"{key}.nucleation.{index}.{name}"
+                yield Place(place, unit_of(type(weakening), name), number, ((prefix + name, 1.0),))
+        law, prefix = law.law, f"{prefix}law_"  # type: ignore[attr-defined]
+    path = f"{key}.friction"
+    while True:
+        for name in _numbers(law):
+            yield Place(f"{path}.{name}", unit_of(type(law), name), number, ((prefix + name, 1.0),))
+        if getattr(law, "law", None) is None:
+            break
+        law, prefix, path = law.law, f"{prefix}law_", f"{path}.law"  # type: ignore[attr-defined]
+    for name in type(fault.contact).model_fields:
+        if unit_of(type(fault.contact), name) == STIFFNESS:
+            yield Place(f"{key}.contact.{name}", STIFFNESS, number, ((f"c_{name}", 1.0),))
+    for index, each in enumerate(fault.nucleation):
+        if "extra" in type(each).model_fields:
+            one = each.substituted({"extra": 1.0})
+            yield Place(f"{key}.nucleation.{index}.extra", unit_of(type(each), "extra"), number, nucleation=one)
+
+
+def _numbers(law: FrictionLaw) -> list[str]:
+    found = []
+    for name in type(law).model_fields:
+        value = getattr(law, name)
+        if isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
+            found.append(name)
+    return found
+
+
+def perturbed(
+    model: Model, changes: Mapping[tuple[int, str], Floats], amplitudes: Mapping[tuple[int, int], Floats] | None = None
+) -> Model:
+    """Return a model with other initial tractions and parameters.
+
+    Parameters
+    ----------
+    model : Model
+    changes : mapping of (int, str) to ndarray, shape (n,)
+        Added to parameters of `PointMap`, by fault and name.
+    amplitudes : mapping of (int, int) to ndarray, shape (n,), optional
+        Added to `extra` of nucleations, by fault and number.
+    """
+    view = copy.copy(model)
+    view.faults = []
+    for number, fault in enumerate(model.faults):
+        mine = {name: change for (which, name), change in changes.items() if which == number}
+        shear = fault.shear_traction_0.copy()
+        for k in range(fault.tangents):
+            shear[:, k] += mine.get(f"shear_traction_0_{k}", 0.0)
+        law = _with(fault.friction, "p_", mine)
+        normal = fault.normal_stress_0 + mine.get("normal_stress_0", 0.0)
+        nucleation = list(fault.nucleation)
+        for (which, index), change in (amplitudes or {}).items():
+            if which == number:
+                places, each = fault.interface.locations, nucleation[index]
+                extra = evaluate(each.extra, places) + change  # type: ignore[attr-defined]
+                nucleation[index] = each.substituted({"extra": extra})
+        view.faults.append(replace(
+            fault, friction=law, shear_traction_0=shear, normal_stress_0=normal, nucleation=tuple(nucleation)
+        ))  # fmt: skip
+    view.mechanisms = mechanisms_of(view)
+    return view
+
+
+def _with(part: FrictionLaw, prefix: str, changes: Mapping[str, Floats]) -> FrictionLaw:
+    new: dict[str, object] = {}
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if isinstance(value, FrictionLaw):
+            new[name] = _with(value, f"{prefix}{name}_", changes)
+        elif prefix + name in changes:
+            new[name] = value + changes[prefix + name]
+    return part.substituted(new)

@@ -1,0 +1,199 @@
+"""Execution of runs in child processes that may crash, one MPI job per slot of a worker.
+
+A study starts `ruptfx.many_runs.study.case_server`, an inference `ruptfx.many_runs.inference.run_server`.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import select
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import tomli_w
+
+from ruptfx import RuptfxError, Table
+from ruptfx.many_runs.study.store import Result, commit, read_result, workspace
+from ruptfx.platform import launch
+
+RECYCLE = 100  # runs after which a child is replaced, to limit memory leaks
+CASES = "ruptfx.many_runs.study.case_server"
+_starter = ThreadPoolExecutor(1, "ruptfx-starter")
+_idle: dict[tuple[str, int], list[Child]] = {}
+_all: set[Child] = set()
+_guard = threading.Lock()
+_closing = threading.Event()
+
+
+class ChildError(RuptfxError):
+    """A child process ended before it answered."""
+
+
+class Child:
+    """One MPI job that makes run after run.
+
+    Parameters
+    ----------
+    ranks : int
+    module : str
+        Program of the job, which answers as `case_server.serve` does.
+    """
+
+    def __init__(self, ranks: int, module: str = CASES) -> None:
+        self.ranks, self.served = ranks, 0
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        # A session of its own: Ctrl-C is for the study, which then ends its children. They end with the thread that
+        # starts them, hence one that lasts as long as this process, and not that of a task.
+        self._process = _starter.submit(
+            subprocess.Popen,
+            launch.mpi_command(ranks, module), env=launch.mpi_environment(ranks), bufsize=0,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
+            preexec_fn=launch.ends_with_parent(),
+        ).result()  # fmt: skip
+
+    def run(self, job: Table, time_limit: float | None) -> Result:
+        """Send one job and return its result.
+
+        Parameters
+        ----------
+        job : dict
+        time_limit : float or None
+            Wall time [s].
+
+        Raises
+        ------
+        ChildError
+            The child crashed or exceeded the time limit; it has been ended.
+        """
+        assert self._process.stdin and self._process.stdout
+        try:
+            self._process.stdin.write(json.dumps(job).encode() + b"\n")
+        except OSError:
+            raise ChildError(self._how_it_ended()) from None
+        answer, deadline = b"", time.monotonic() + (time_limit or 1e9)
+        while not answer.endswith(b"\n"):
+            if not select.select([self._process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0]:
+                self.close()
+                raise ChildError(f"took longer than time_limit = {time_limit:g} s; increase it in the study")
+            if not (part := os.read(self._process.stdout.fileno(), 1 << 16)):
+                raise ChildError(self._how_it_ended())
+            answer += part
+        self.served += 1
+        found: Table = json.loads(answer)
+        return found
+
+    def _how_it_ended(self) -> str:
+        """Return the exit status of the child, with the end of its error output."""
+        self.close()
+        code = self._process.returncode
+        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        self._errors.seek(0)
+        words = [line for line in self._errors.read().decode(errors="replace").splitlines() if line.strip(" =|")]
+        return f"the run crashed ({how}): " + " / ".join(words[-8:])[-1500:]
+
+    def close(self) -> None:
+        """End the job immediately."""
+        assert self._process.stdin
+        self._process.stdin.close()  # rank 0 exits at the end of its input
+        try:
+            self._process.wait(2)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+
+def run_point(path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None) -> Result:
+    """Run one point and mark it as finished; a failure is stored as its result.
+
+    Runs on a worker, which sees the directory of the study under the same path.
+
+    Raises
+    ------
+    RuptfxError
+        If the study is stopping, or its directory is missing.
+    """
+    here = Path(path)
+    if (known := read_result(here, point)) is not None:
+        return known
+    try:
+        directory = workspace(here, point)
+    except OSError as error:
+        message = f"{here}: a worker cannot write there ({error.strerror}): is it on a shared file system?"
+        raise RuptfxError(message) from None
+    began = time.perf_counter()
+    _save_case(table, directory)
+    try:
+        result = on_child(ranks, {"case": table, "directory": str(directory), "keep": keep}, time_limit)
+    except ChildError as error:
+        result = {"status": "failed", "error": str(error)}
+    if _closing.is_set() or result["status"] == "interrupted":
+        shutil.rmtree(directory, ignore_errors=True)
+        raise RuptfxError(result.get("error", "the study is stopping"))
+    return commit(here, point, directory, {**result, "seconds": time.perf_counter() - began})
+
+
+def _save_case(table: Table, directory: Path) -> None:
+    """Write the case of a point, for a separate run; its plug-ins are those of the study."""
+    named = [os.path.relpath(path, directory) for path in table.get("plugins", [])]
+    whole = {**table, "plugins": named} if named else table
+    (directory / "case.toml").write_text(tomli_w.dumps(whole), encoding="utf-8")
+
+
+def on_child(ranks: int, job: Table, time_limit: float | None = None, module: str = CASES) -> Result:
+    """Run one job on an idle child of this process, or a new one, and return its answer.
+
+    Raises
+    ------
+    ChildError
+        The child crashed or exceeded the time limit, or the work is stopping.
+    """
+    with _guard:
+        if _closing.is_set():
+            raise ChildError("the work is stopping")
+        waiting = _idle.setdefault((module, ranks), [])
+        child = waiting.pop() if waiting else Child(ranks, module)
+        _all.add(child)
+    try:
+        result = child.run(job, time_limit)
+    except ChildError:
+        _all.discard(child)
+        raise
+    if child.served >= RECYCLE:
+        child.close()
+        _all.discard(child)
+    else:
+        with _guard:
+            _idle[module, ranks].append(child)
+    return result
+
+
+def close_children() -> None:
+    """End all children of this process; their points are dropped, not recorded."""
+    _closing.set()
+    _report_errors(False)  # every dropped point would be reported
+    with _guard:
+        for child in list(_all):
+            child.close()
+        _all.clear()
+        _idle.clear()
+
+
+def open_for_work() -> None:
+    """Allow children after `close_children`."""
+    _closing.clear()
+    _report_errors(True)
+
+
+def _report_errors(wanted: bool) -> None:
+    """Switch the error reports of dask on standard error on or off."""
+    # tornado: a call that Ctrl-C interrupts at once is cancelled before it has begun; distributed does not expect that.
+    for name in ("distributed.worker", "distributed.worker.state_machine", "tornado.application"):
+        logging.getLogger(name).disabled = not wanted

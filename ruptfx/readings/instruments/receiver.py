@@ -1,0 +1,66 @@
+"""Motion, strain and stress at a point of the bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from ruptfx.bodies.boundaries import check_vector
+from ruptfx.input.schema import Unit
+from ruptfx.laws.materials import Plane
+from ruptfx.readings.instruments import Channel, Instrument
+
+if TYPE_CHECKING:
+    from ruptfx.readings.instruments.model_readings import ModelReadings, SensedPoint
+
+Quantity = Literal["velocity", "displacement", "strain", "stress"]
+
+
+class Receiver(Instrument):
+    """Velocity, displacement, strain and stress at a point anywhere in the bodies.
+
+    The values are those of the element at the point, which need not be a node; at element boundaries the mean.
+    Displacement and strain are measured from the initial state; the stress is total, with the initial stress of the
+    bodies, tension positive. Strains are components of the tensor: xy is half of the angle of shear.
+    """
+
+    example: ClassVar[str] = '{ kind = "receiver", name = "point", interval = 2e-7, point = [5.3e-3, 2.2e-3] }'
+
+    point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
+    """Coordinates of the receiver."""
+    body: str | None = None
+    """Name of the body, required at a point of several bodies."""
+    fields: Annotated[list[Quantity], Field(min_length=1)] = ["velocity", "displacement", "strain", "stress"]
+    """Recorded quantities."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_vector(f"{key}.point", self.point, "xyz" if plane == "solid" else "xy")
+
+    @property
+    def points(self) -> list[tuple[list[float], str | None]]:
+        return [(self.point, self.body)]
+
+    def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
+        return channels_of(readings, readings.point(self.point, self.body, key), self.fields)
+
+
+def channels_of(readings: ModelReadings, place: SensedPoint, fields: Sequence[Quantity]) -> list[Channel]:
+    """Return the channels of quantities at a point."""
+    found = []
+    for field in dict.fromkeys(fields):
+        if field in ("velocity", "displacement"):
+            unit = "m/s" if field == "velocity" else "m"
+            for label, number in readings.axes.items():
+                share = place.motion(field, readings.unit_vector(number))
+                found.append(Channel(f"{field}_{label}", unit, f"{field} along {label}", [share]))
+        for label, entry in readings.entries.items() if field in ("strain", "stress") else ():
+            if field == "strain":
+                found.append(Channel(f"strain_{label}", "1", f"strain {label}", [place.strain(entry)]))
+            else:
+                text = f"total stress {label}, tension positive"
+                found.append(
+                    Channel(f"stress_{label}", "Pa", text, place.stresses(label), place.initial_stress(label))
+                )
+    return found

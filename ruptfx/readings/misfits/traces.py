@@ -1,0 +1,260 @@
+"""Traces of an instrument against data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+
+import numpy as np
+from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
+
+from ruptfx.input import number_files
+from ruptfx.input.netcdf_units import unit_and_factor, unpacked
+from ruptfx.input.quantities import factor
+from ruptfx.input.schema import CaseError, Name, Unit, nearest
+from ruptfx.input.units import Duration, Frequency, Instant, Positive, without_unit
+from ruptfx.readings.filter import filtered
+from ruptfx.readings.instruments import Instrument
+from ruptfx.readings.misfits import Floats, Measured, Misfit, Request, Sample, Trace
+
+if TYPE_CHECKING:
+    from ruptfx.readings.instruments.model_readings import ModelReadings
+
+
+class Traces(Misfit):
+    """Traces of an instrument: half the sum of ((reading - data) / sigma)^2 over channels and times.
+
+    The readings have the filter of the instrument (`bandwidth`) and are interpolated linearly to the times of the data.
+    Columns of a CSV file are the time and channels of the instrument, each with its unit in the header:
+    `time (us), slip_rate (m/s)`. Another file is NetCDF, of which the group of the instrument is read, as
+    `instruments.h5` of a run has one, or the variables of the file, if it has no groups; `time` and every channel have
+    an attribute `units`. A case contains the data, not the file. Data before the start of the run or after its end are
+    refused; `begin` and `end` leave them out.
+    """
+
+    example: ClassVar[str] = (
+        '{ kind = "traces", instrument = "fault", times = [1e-6, 2e-6, 3e-6], sigma = 1e-6, '
+        'data = { slip = [1e-6, 2e-6, 3e-6] }, units = { slip = "m" } }'
+    )
+
+    parameters: ClassVar[dict[str, str]] = {"time_shift": "s"}
+
+    instrument: Name
+    """Name of the instrument."""
+    file: str | None = None
+    """CSV or NetCDF file, such as `instruments.h5`, relative to the case file."""
+    times: list[float] = []
+    """Times of the data [s], in place of a file."""
+    data: dict[str, list[float]] = {}
+    """Values at these times by channel, in place of a file."""
+    units: dict[str, str] = {}
+    """Unit of each channel of `data`."""
+    channels: Annotated[list[str], Field(min_length=1)] | None = None
+    """Channels that count; default is all of the data."""
+    sigma: Annotated[Positive, without_unit("the channels")]
+    """Standard deviation of the noise, in the SI unit of the channels."""
+    begin: Instant | None = None
+    """Start of the window of times that count [s]; default is the first time of the data."""
+    end: Duration | None = None
+    """End of that window [s]; default is the last time of the data."""
+    time_shift: Annotated[float, Unit("s")] = 0.0
+    """Time of the run minus that of the data, such as the delay of a trigger; may be an unknown. `begin` and `end`
+    are times of the data."""
+    bandwidth: Frequency | None = None
+    """Frequency of half power of a low-pass filter with one pole, which acts on data and readings alike, before the
+    window. The instrument then has none. Default: readings have the filter of the instrument, and data none."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _from_file(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
+        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
+            return handler(values)
+        if values.get("data") or values.get("times"):
+            raise ValueError("give either a file, or times, data and units")
+        path = Path((info.context or {}).get("directory") or ".", values["file"])
+        read = _from_run if path.suffix in (".h5", ".nc") else _from_text
+        times, data, units = read(path, str(values.get("instrument")), values.get("channels"))
+        given = {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
+        found = handler(given)
+        found.__dict__["_read_from"] = str(path)
+        return found
+
+    @cached_property
+    def _read_from(self) -> str:
+        """File of the data, for messages; no private attribute, because terms with the same data are equal."""
+        return ""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Traces:
+        if not self.data or len(self.times) < 1:
+            raise ValueError("there are no data; give a file, or times, data and units")
+        if len(late := np.flatnonzero(np.diff(self.times) <= 0)):
+            before, after = self.times[late[0] : late[0] + 2]
+            remedy = "remove one of the two" if after == before else "sort the data"
+            raise ValueError(f"times: {after:g} s after {before:g} s; they must increase, {remedy}")
+        for name, values in self.data.items():
+            if len(values) != len(self.times):
+                raise ValueError(f"data.{name}: {len(values)} values at {len(self.times)} times; give one for each")
+            if name not in self.units:
+                raise ValueError(f"data.{name}: has no unit; add it to units, or to the header of the file")
+            try:
+                factor(self.units[name], None)
+            except ValueError as error:
+                raise ValueError(f"units.{name} = '{self.units[name]}': {error}") from None
+        return self
+
+    @property
+    def _inside(self) -> np.ndarray:
+        times = np.array(self.times)
+        begin, end = -np.inf if self.begin is None else self.begin, np.inf if self.end is None else self.end
+        return (times >= begin) & (times <= end)
+
+    def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
+        case = bodies.model.case
+        listed = enumerate(case.instruments)
+        named = {each.name: (number, each) for number, each in listed if isinstance(each, Instrument)}
+        if self.instrument not in named:
+            hint = nearest(self.instrument, list(named))
+            raise CaseError(f"{key}.instrument = '{self.instrument}': no such instrument, {hint}")
+        times = np.array(self.times)[self._inside]
+        if not len(times):
+            name = "end" if self.begin is None else "begin"
+            raise CaseError(
+                f"{key}.{name} = {getattr(self, name):g} s: there are no data in the window, and they go from "
+                f"{self.times[0]:g} s to {self.times[-1]:g} s; change begin or end"
+            )
+        self._check_inside(times, case.duration, key)
+        number, instrument = named[self.instrument]
+        if self.bandwidth is not None and instrument.bandwidth is not None:
+            raise CaseError(
+                f"{key}.bandwidth = {self.bandwidth:g} Hz: '{self.instrument}' has a filter of its own, "
+                f"{instrument.bandwidth:g} Hz; remove one of them"
+            )
+        if instrument.grid is not None:
+            raise CaseError(
+                f"{key}.instrument = '{self.instrument}': a grid of receivers has no traces; add an instrument of "
+                "kind = 'receiver' where the data are"
+            )
+        found = {channel.name: channel for channel in instrument.channels(bodies, f"instruments.{number}")}
+        chosen = self._chosen
+        units = set()
+        for name in chosen:
+            if name not in found:
+                hint = nearest(name, list(found))
+                raise CaseError(f"{key}.data.{name}: '{self.instrument}' has no such channel, {hint}")
+            if name not in self.data:
+                raise CaseError(f"{key}.channels: there are no data of '{name}'; add them, or remove it")
+            if found[name].offset != 0:
+                raise CaseError(
+                    f"{key}.data.{name}: contains the initial stress of the bodies, which is not differentiated; use "
+                    "channels of motion, strain or the interface"
+                )
+            units.add(found[name].unit)
+            try:
+                factor(self.units[name], found[name].unit)
+            except ValueError as error:
+                where = f" (column '{name}' of {self._read_from})" if self._read_from else ""
+                raise CaseError(
+                    f"{key}.units.{name} = '{self.units[name]}'{where}: {error}; write {found[name].unit} or a multiple"
+                ) from None
+        if len(units) > 1:
+            raise CaseError(
+                f"{key}.sigma: one number for channels in {' and '.join(sorted(units))}; give an entry for the "
+                "channels of each unit, with `channels`"
+            )
+        bandwidth = self.bandwidth or instrument.bandwidth
+        return [Trace(found[name], times + self.time_shift, bandwidth) for name in chosen]
+
+    def _check_inside(self, times: Floats, duration: float, key: str) -> None:
+        shifted = times + self.time_shift
+        early, late = np.count_nonzero(shifted < 0), np.count_nonzero(shifted > duration * (1 + 1e-9))
+        if not early and not late:
+            return
+        outside, remedies = [], []
+        if early:
+            outside.append(f"{early} before it")
+            remedies.append(f"leave the early ones out with begin = {0.0 - self.time_shift:.12g}")
+        if late:
+            outside.append(f"{late} after its end")
+            end = duration - self.time_shift
+            remedies.append(f"make the run longer or leave the late ones out with end = {end:.12g}")
+        shift = f" with time_shift = {self.time_shift:.6g} s" if self.time_shift else ""
+        narrower = ", or narrow the bounds of the shift" if self.time_shift else ""
+        raise CaseError(
+            f"{key}.times: data from {shifted[0]:.6g} s to {shifted[-1]:.6g} s{shift}, and the run lasts from 0 s to "
+            f"{duration:.6g} s: {' and '.join(outside)}, of {len(times)} times; {' and '.join(remedies)}{narrower}"
+        )
+
+    def change(self, parameter: str, samples: Sequence[Sample]) -> list[Floats]:
+        return [np.zeros(len(sample.values)) if sample.slopes is None else sample.slopes for sample in samples]
+
+    @property
+    def _chosen(self) -> list[str]:
+        return list(self.data) if self.channels is None else self.channels
+
+    def evaluate(self, samples: Sequence[Sample]) -> tuple[float, list[Floats]]:
+        total, slopes = 0.0, []
+        for wanted, sample in zip(self.measured(), samples, strict=True):
+            residual = (sample.values - wanted.values) / self.sigma
+            total += 0.5 * float(residual @ residual)
+            slopes.append(residual / self.sigma)
+        return total, slopes
+
+    def residuals(self, samples: Sequence[Sample]) -> list[tuple[Floats, Floats]]:
+        return [
+            ((sample.values - wanted.values) / self.sigma, np.full(len(sample.values), 1 / self.sigma))
+            for wanted, sample in zip(self.measured(), samples, strict=True)
+        ]
+
+    def measured(self) -> list[Measured]:
+        times, found = np.array(self.times), []
+        for name in self._chosen:
+            values = np.array(self.data[name]) * float(factor(self.units[name], None))  # SI
+            if self.bandwidth is not None:
+                values = filtered(times, values, self.bandwidth)
+            found.append(Measured(f"{self.instrument}, {name}", times[self._inside], values[self._inside]))
+        return found
+
+
+def _from_text(
+    path: Path, instrument: str, channels: object
+) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+    columns = number_files.with_units(path, "s")
+    (_, (times, unit)), *rest = columns.items()
+    if not rest:
+        raise ValueError(f"{path}: has one column; it needs the time and one channel or more, as velocity (m/s)")
+    seconds = (np.array(times) * float(factor(unit, "s"))).tolist()
+    return seconds, {name: column for name, (column, _) in rest}, {name: unit for name, (_, unit) in rest}
+
+
+def _from_run(
+    path: Path, instrument: str, channels: object
+) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+    import h5netcdf
+
+    try:
+        with h5netcdf.File(path, "r") as file:
+            if file.groups and instrument not in file.groups:
+                raise ValueError(f"{path}: has no instrument '{instrument}', {nearest(instrument, list(file.groups))}")
+            group = file[instrument] if file.groups else file
+            names = [name for name in group.variables if name != "time" and group[name].dimensions == ("time",)]
+            if "time" not in group.variables or not names:
+                raise ValueError(f"{path}: needs a variable 'time' and channels with the dimension 'time'")
+            if isinstance(channels, Sequence):  # others may have missing values
+                names = [name for name in names if name in channels] or names
+            _, seconds = unit_and_factor(path, "time", group["time"].attrs, "s")
+            times = seconds * unpacked(group["time"])
+            units = {name: unit_and_factor(path, name, group[name].attrs, None)[0] for name in names}
+            data = {name: unpacked(group[name]) for name in names}
+            for name, each in (("time", times), *data.items()):
+                if len(wrong := np.flatnonzero(~np.isfinite(each))):
+                    others = "" if name == "time" else ", or leave out this one by naming the others in channels"
+                    raise ValueError(
+                        f"{path}: '{name}' has no finite number at {len(wrong)} of {len(each)} times, the first at "
+                        f"index {wrong[0]}; leave out these times of all channels{others}"
+                    )
+            return times.tolist(), {name: each.tolist() for name, each in data.items()}, units
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error})") from None

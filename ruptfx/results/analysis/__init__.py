@@ -1,0 +1,155 @@
+"""Analysis of a run from saved arrays: sliding mode, fronts, energies, fringes; needs neither DOLFINx nor MPI."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import RuptfxError, Table
+from ruptfx.results.analysis.energy import budget
+from ruptfx.results.analysis.modes import Modes, classify
+from ruptfx.results.analysis.resolution import peak_is_resolved
+from ruptfx.results.analysis.surface import is_surface, of_energies, of_surface
+from ruptfx.results.summary_fields import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES
+
+if TYPE_CHECKING:
+    from ruptfx.results.record import Data, Files
+
+__all__ = [
+    "UNITS", "UNITS_OF_FRACTURE", "UNITS_OF_SURFACES", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
+    "slides_far", "sliding_rate", "summarise",
+]
+
+OPEN, SLIDING, UNCOVERED = 0, 2, 3  # values of the field `contact`
+
+
+def slides_far(data: Data) -> bool:
+    """Return whether the data are of an interface with finite sliding, which records contact states."""
+    return "contact" in data
+
+
+def sliding_rate(record: Files) -> np.ndarray:
+    """Return the slip rate along the first interface [m/s], shape (times, points).
+
+    In finite sliding it is zero at open points: their surfaces pass each other without friction, which does not count
+    as sliding.
+    """
+    data = record.interface
+    rate = np.asarray(data["slip_rate"].values)
+    if not slides_far(data):
+        return rate
+    return np.where(np.isin(data["contact"].values, (OPEN, UNCOVERED)), 0.0, rate)
+
+
+def nucleation(data: Data) -> tuple[float, float]:
+    """Return time [s] and position [m] of the nucleation of an interface after its loading; NaN if there is none."""
+    return float(data.attrs.get("nucleation_time", -np.inf)), float(data.attrs.get("nucleation_position", np.nan))
+
+
+def rupture_origin(record: Files) -> tuple[float, float]:
+    """Return the position [m] and time [s] from which the rupture runs.
+
+    With a nucleation in the case: its position and time. After an impact: the driven end at time zero. Otherwise,
+    and if a slow drive makes the interface slide later than a shear wave needs to run along it: where and when
+    sliding began: the median of the points that slid in the first hundredth of the time that the rupture took.
+    """
+    data = record.interface
+    position = data["position"].values
+    since, center = nucleation(data)
+    if np.isfinite(center):
+        return center, since
+    arrival = data["rupture_time"].values
+    end = float(data.attrs.get("loaded_end", position[0]))
+    if not np.isfinite(arrival).any():
+        return end, 0.0
+    first, last = np.nanmin(arrival), np.nanmax(arrival)
+    if data.attrs.get("V_imp", 0) > 0 and first * data.attrs.get("c_s", 0) < np.ptp(position):
+        return end, 0.0
+    return float(np.median(position[arrival <= first + 0.01 * (last - first)])), float(first)
+
+
+def modes_of(record: Files) -> Modes:
+    """Classify the sliding along the first interface of a run."""
+    data = record.interface
+    known: Table = {name: data.attrs.get(name) for name in ("V_imp", "c_R", "c_s", "c_p")}
+    if "c_p_of_bodies" in data.attrs:
+        known["c_p"] = np.max(data.attrs["c_p_of_bodies"])
+    known["loaded_end"] = rupture_origin(record)[0]
+    return classify(sliding_rate(record), data["time"].values, data["position"].values, **known)
+
+
+def summarise(record: Files) -> Table:
+    """Return scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None if undefined."""
+    data: Data | Table = record.interface if record.interfaces else {}
+    try:
+        values = _of_sliding(record) if "slip_rate" in data else {}
+    except RuptfxError as error:  # too few points for a mode; the other scalars remain valid
+        values = {"mode": None, "mode_missing": str(error)}
+    first = data["rupture_time"].values if "rupture_time" in data else np.array([])
+    values["first_sliding"] = np.min(first[np.isfinite(first)], initial=np.inf)
+    for name in ("peak_slip_rate", "max_slip", "max_opening"):
+        field = name.removeprefix("max_")
+        values[name] = _largest(data[field]) if field in data else np.nan
+    if (record.path / "events.h5").is_file():
+        from ruptfx.results.analysis.compression import summarise_fracture  # imported late: other runs do not need it
+
+        values |= summarise_fracture(record)
+    if (record.path / "energy.csv").is_file():
+        values["energy_closure"] = budget(record.energy)["energy_closure"]
+    if record.interfaces and is_surface(record.interface):
+        values |= of_surface(record.interface)
+        if (record.path / "energy.csv").is_file():
+            values |= of_energies(record)
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def _of_sliding(record: Files) -> Table:
+    """Return the result of the classification under the names of the summary."""
+    data, modes = record.interface, modes_of(record)
+    tip = modes.tip_speed
+    speeds = {name: float(data.attrs.get(name, np.nan)) for name in ("c_R", "c_s", "c_p")}
+    if data.attrs.get("plane") == "antiplane":  # there are shear waves only
+        speeds |= {"c_R": np.nan, "c_p": np.nan}
+    while_closed = np.where(data["normal_stress"].values > 0, data["slip_rate"].values, 0.0)
+    trailing = modes.trailing_speeds[np.isfinite(modes.trailing_speeds)]
+    return {
+        "mode": modes.mode,
+        "mode_at_half_threshold": modes.mode_at_half_threshold,
+        "mode_before_arrest": modes.pattern,
+        "mode_confidence": modes.confidence,
+        "tip_speed": tip.value,
+        "tip_speed_error": tip.error,
+        "tip_speed_over_c_R": tip.value / speeds["c_R"],
+        "tip_speed_over_c_s": tip.value / speeds["c_s"],
+        "tip_speed_over_c_l": tip.value / speeds["c_p"],
+        "speed_regime": modes.regime,
+        "not_resolved": "; ".join((*modes.doubts.mode, *modes.doubts.speed)) or None,
+        "peak_slip_rate_resolved": peak_is_resolved(while_closed, data["position"].values),
+        "reach": modes.reach,
+        "sliding_fraction": modes.sliding_fraction,
+        "zones": modes.zones,
+        "pulse_width": modes.pulse_width,
+        "pulse_width_scatter": modes.pulse_width_scatter,
+        "pulse_width_points": modes.zone_points,
+        "pulse_spacing": modes.pulse_spacing,
+        "pulse_spacing_scatter": modes.pulse_spacing_scatter,
+        "healing_time": modes.healing_time,
+        "trailing_fronts": len(trailing),
+        "fastest_trailing_speed": trailing.max(initial=-np.inf),
+        "trailing_fronts_faster_than_c_l": int((trailing > speeds["c_p"]).sum()),
+        **{f"{name}_degree": degree for name, degree in modes.degrees.items()},
+        "noise": modes.doubts.noise,
+    }
+
+
+def _largest(values: object) -> float:
+    numbers = np.abs(np.asarray(values))
+    return float(np.nanmax(numbers)) if np.isfinite(numbers).any() else float(np.nan)
+
+
+def _plain(value: object) -> object:
+    """Convert a NumPy number to Python, NaN to None, for JSON."""
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,99 @@
+"""What a run found, in one sentence and eight numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ruptfx import Table
+from ruptfx.input.quantities import with_prefix
+from ruptfx.results.analysis import UNITS
+
+ROWS = (
+    "moment", "rupture_area", "first_sliding", "peak_slip_rate", "max_slip",
+    "max_opening", "pulse_width", "pulse_spacing", "healing_time",
+    "first_peak_stress", "events", "tensile_share", "b_value", "fractal_dimension", "failed_length", "fragments",
+    "energy_closure", "steps", "wall_time",
+)  # fmt: skip
+"""Fields of the summary in the order of their interest; the first eight that are known and not zero are shown."""
+_SHARES = ("tensile_share", "energy_closure")
+
+
+def verdict(summary: Table) -> str:
+    """Return what a run found in one line; empty where its summary names neither a mode nor facets that failed.
+
+    Parameters
+    ----------
+    summary : dict
+        Content of `summary.json`.
+    """
+    parts = [*_sliding(summary), *_surface(summary), *_fracture(summary)]
+    if reason := summary.get("not_resolved"):
+        parts.append(f"not resolved: {reason}")
+    return ", ".join(parts)
+
+
+def _sliding(summary: Table) -> Iterator[str]:
+    if reason := summary.get("mode_missing"):
+        yield f"no sliding mode: {reason}"
+    mode = summary.get("mode")
+    if mode == "none":
+        yield "never slipped" if summary.get("first_sliding") is None else "no rupture ran along the interface"
+        return
+    if mode is None:
+        return
+    yield mode if mode != "not resolved" else f"perhaps {summary['mode_before_arrest']}"
+    regime = summary.get("speed_regime")
+    if regime not in (None, "unknown", "not resolved"):
+        yield regime
+    speed, error = summary.get("tip_speed"), summary.get("tip_speed_error") or 0.0
+    for wave in ("c_R", "c_s"):
+        if over := summary.get(f"tip_speed_over_{wave}"):
+            yield f"{over:.2f} {wave} ± {max(error * over / speed, 0.01):.2f}"
+            return
+
+
+def _surface(summary: Table) -> Iterator[str]:
+    if "rupture_area" not in summary:
+        return
+    if summary.get("moment_magnitude") is None:
+        yield "never slipped"
+        return
+    yield f"magnitude {summary['moment_magnitude']:.2f}"
+    if speed := summary.get("rupture_speed"):
+        yield f"front at {with_prefix(speed, 'm/s')} (median)"
+    if share := summary.get("supershear_share"):
+        yield f"supershear on {100 * share:.0f} %"
+
+
+def _fracture(summary: Table) -> Iterator[str]:
+    if summary.get("events") is None:
+        return
+    if stress := summary.get("first_peak_stress"):
+        yield f"first peak at {with_prefix(stress, 'Pa')}"
+    yield f"{summary['events']} facets failed" if summary["events"] else "no facet failed"
+    if (pieces := summary.get("fragments") or 0) > 1:
+        yield f"{pieces} pieces"
+
+
+def rows(summary: Table, most: int = 8) -> list[tuple[str, str]]:
+    """Return names and values with units of the fields of most interest.
+
+    Parameters
+    ----------
+    summary : dict
+        Content of `summary.json`.
+    most : int
+    """
+    return [(name, shown(name, value)) for name in ROWS if (value := summary.get(name))][:most]
+
+
+def shown(name: str, value: float) -> str:
+    """Return a value of the summary as a reader wants it: three digits, unit with prefix, shares in per cent."""
+    if name in _SHARES:
+        return f"{100 * value:.3g} %"
+    if name == "rupture_area":  # prefixes are those of lengths
+        return f"{value / 1e6:.3g} km2" if value > 1e4 else f"{value:.3g} m2"
+    unit = UNITS.get(name, "s" if name in ("wall_time", "time_step") else "")
+    if unit == "N m":
+        return f"{value:.3g} N m"
+    return with_prefix(value, unit) if unit else f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,355 @@
+"""Movies of a run, from its record: a picture of the bodies, and below it the slip rate along the interface.
+
+In three dimensions they show the slip rate on a surface.
+
+Every kind of movie is one file of this folder, found by its name: its function of the same name makes a `Film` of a
+`Record`. GIF needs nothing more; MP4 needs the package imageio-ffmpeg or the program ffmpeg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from ruptfx import RuptfxError
+from ruptfx.input.quantities import with_prefix
+from ruptfx.input.schema import nearest, own_kinds, own_module
+from ruptfx.results.analysis import slides_far
+from ruptfx.results.analysis.raster import Raster
+from ruptfx.results.figure_style import STYLE, Array, new_figure, remark, scale
+from ruptfx.results.plots._record import along, has_slip_rates
+from ruptfx.results.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Told = Callable[[float, str], None]
+FORMATS = ("gif", "mp4")
+RESOLUTION = 110  # pixels per inch of a figure 7 inches wide
+
+
+@dataclass(frozen=True)
+class Film:
+    """Content of a movie.
+
+    Attributes
+    ----------
+    times : ndarray, shape (frames,)
+        [s].
+    image : callable, frame -> ndarray, shape (rows, columns)
+        Lowest row first; NaN outside of the bodies.
+    extent : (float, float, float, float)
+        Left, right, bottom and top of the image, in the units of `x_label` and `y_label`.
+    x_label, y_label, label : str
+        Labels of the axes and of the colour bar.
+    look : dict
+        Colour options for `Axes.imshow`.
+    draw : callable, Axes -> None
+        Draw further static parts of the picture.
+    move : callable, (Axes, frame) -> None
+        Update further moving parts of the picture.
+    aspect : str
+        Aspect of the axes; "equal" for a picture of the bodies.
+    remark : str
+        Remark below the picture.
+    """
+
+    times: Array
+    image: Callable[[int], Array]
+    extent: tuple[float, float, float, float]
+    x_label: str
+    y_label: str
+    label: str
+    look: dict[str, Any]
+    draw: Callable[[Axes], None] = lambda axes: None
+    move: Callable[[Axes, int], None] = lambda axes, frame: None
+    aspect: str = "equal"
+    remark: str = ""
+
+
+def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any) -> Film:
+    """Return the film of a field of the bodies: `picture` makes the image of a snapshot.
+
+    Raises
+    ------
+    RuptfxError
+        There are no snapshots in two dimensions.
+    """
+    in_two_dimensions(record)
+    bulk = record.bulk
+    if bulk.sizes["time"] < 2:
+        raise RuptfxError(
+            f"{record.path}: {bulk.sizes['time']} snapshots; a movie needs several; reduce output.bulk_interval and "
+            "run again"
+        )
+    points, times = bulk["points"].values, bulk["time"].values
+    if any(map(slides_far, record.interfaces.values())):
+        return _that_slide(record, picture, label, line, **look)
+    raster = Raster(points, bulk["cells"].values, pixels=900)
+    size, unit = scale(np.ptp(points, axis=0), "m")
+    look = _brightest(lambda row: picture(row, raster), len(times), look)
+    left, right, bottom, top = (value / size for value in raster.extent)
+
+    def draw(axes: Axes) -> None:
+        for data in record.interfaces.values():
+            axes.plot(data["x"].values / size, data["y"].values / size, color=line, lw=0.7)
+
+    return Film(
+        times, lambda row: picture(row, raster), (left, right, bottom, top), f"x ({unit})", f"y ({unit})", label, look,
+        draw,
+    )  # fmt: skip
+
+
+def in_two_dimensions(record: Record) -> None:
+    """Refuse a run in three dimensions.
+
+    Raises
+    ------
+    RuptfxError
+        Its bodies are solids.
+    """
+    if record.case.get("plane") == "solid":
+        raise RuptfxError(
+            f"{record.path}: solids cannot be drawn as a movie; take --what slip_rate for the surface, or "
+            "ruptfx export --format vtkhdf for ParaView"
+        )
+
+
+def _that_slide(
+    record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any
+) -> Film:
+    """Return the film of bodies with finite sliding, at their displaced positions."""
+    bulk = record.bulk
+    points, cells, times = bulk["points"].values, bulk["cells"].values, bulk["time"].values
+
+    def places(row: int) -> Array:
+        moved: Array = points + bulk["displacement"].isel(time=row).values
+        return moved
+
+    reach = np.array([(moved.min(axis=0), moved.max(axis=0)) for moved in map(places, range(len(times)))])
+    frame = np.stack([reach[:, 0].min(axis=0), reach[:, 1].max(axis=0)])  # belongs to no cell
+
+    def image(row: int) -> Array:
+        return picture(row, Raster(np.vstack([places(row), frame]), cells, pixels=900))
+
+    look = _brightest(image, len(times), look)
+    size, unit = scale(np.ptp(frame, axis=0), "m")
+    (left, bottom), (right, top) = frame / size
+    faces = list(filter(slides_far, record.interfaces.values()))
+
+    def move(axes: Axes, row: int) -> None:
+        for drawn in list(axes.lines):
+            drawn.remove()
+        for data in faces:
+            now = data.sel(time=times[row], method="nearest")
+            axes.plot(now["deformed_x"].values / size, now["deformed_y"].values / size, color=line, lw=0.7)
+
+    return Film(times, image, (left, right, bottom, top), f"x ({unit})", f"y ({unit})", label, look, move=move)
+
+
+def _brightest(image: Callable[[int], Array], count: int, look: dict[str, Any]) -> dict[str, Any]:
+    """Return colour options with an upper limit: a few bright pixels at a tip must not darken the waves."""
+    if "vmax" in look:
+        return look
+    sample = np.unique(np.linspace(0, count - 1, 12).astype(int))
+    brightest = max(float(np.nanquantile(image(int(row)), 0.998)) for row in sample)
+    return {**look, "vmax": brightest or 1.0, "extend": "max"}
+
+
+def assumed(record: Record) -> str:
+    """Return a remark if the initial stress of the bodies is an assumption, else an empty text."""
+    stress = str(record.bulk.attrs.get("initial_stress", ""))
+    return f"Initial stress {stress}." if stress.startswith("assumed") else ""
+
+
+def film(record: Record, what: str) -> Film:
+    """Return the film of a run.
+
+    Raises
+    ------
+    RuptfxError
+        Nothing of that name, or the run has no such data.
+    """
+    if what not in own_kinds(__name__):
+        raise RuptfxError(f"--what {what}: {nearest(what, own_kinds(__name__))}")
+    shoot: Callable[[Record], Film] = getattr(own_module(__name__, what), what)
+    return shoot(record)
+
+
+def frames(record: Record, what: str, most: int = 200) -> Iterator[tuple[float, Array]]:
+    """Yield time [s] and pixels of every frame, shape (rows, columns, 3), both even numbers as video codecs require.
+
+    Parameters
+    ----------
+    record : Record
+    what : str
+        The name of a file of this folder.
+    most : int
+        Largest number of frames, sampled evenly.
+
+    Raises
+    ------
+    RuptfxError
+        Nothing of that name, or the run has no such data.
+    """
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        yield from _drawn(record, film(record, what), most)
+
+
+def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Array]]:
+    chosen: Array = np.unique(np.linspace(0, len(scene.times) - 1, most).astype(int))
+    look = dict(scene.look)
+    extend = look.pop("extend", "neither")
+    slips = has_slip_rates(record)
+    wide, high = scene.extent[1] - scene.extent[0], scene.extent[3] - scene.extent[2]
+    tall = float(np.clip(6.1 * abs(high) / wide, 1.2, 5.5)) if scene.aspect == "equal" else 2.6
+    figure, axes = new_figure(1 + slips, 1, tall + 0.9 + 1.5 * slips, height_ratios=[tall, 1.3][: 1 + slips])
+    picture = axes[0, 0]
+    picture.set_facecolor("#dbe4ec")  # pixels without a value differ from every colour of the map
+    shown = picture.imshow(
+        scene.image(int(chosen[0])), origin="lower", extent=scene.extent, aspect=scene.aspect,
+        interpolation="antialiased", **look,
+    )  # fmt: skip
+    picture.set(xlabel=scene.x_label, ylabel=scene.y_label)
+    scene.draw(picture)
+    figure.colorbar(shown, ax=picture, label=scene.label, extend=extend, pad=0.02, aspect=15, shrink=0.9)
+    profile = _profile(record, axes[1, 0], scene) if slips else None
+    remark(figure, scene.remark)
+    canvas = FigureCanvasAgg(figure)
+    figure.set_dpi(RESOLUTION)
+    t_size, t_unit = scale(scene.times, "s")
+    stamp = picture.set_title("", loc="right")
+    for row in chosen:
+        shown.set_data(scene.image(int(row)))
+        scene.move(picture, int(row))
+        stamp.set_text(f"{scene.times[row] / t_size:6.2f} {t_unit}")
+        if profile is not None:
+            profile(float(scene.times[row]))
+        canvas.draw()
+        figure.set_layout_engine("none")  # axes must not move between frames
+        pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+        yield float(scene.times[row]), pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy()
+
+
+def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]:
+    """Draw the slip rate along the first interface; return the function that updates it to a time [s]."""
+    data = record.interface
+    position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
+    (x_size, x_unit), (size, unit) = scale(np.ptp(position), "m"), scale(rate, "m/s")
+    (line,) = axes.plot(position / x_size, 0 * position, color="#c1440e")
+    place = along(record, x_size, x_unit)
+    # In finite sliding bodies are drawn at displaced positions, but points are labelled by their initial position.
+    axes.set(xlabel=f"{place}, before it slid" if slides_far(data) else place, ylabel=f"Slip rate ({unit})")
+    axes.set_ylim(0, 1.05 * float(np.nanmax(rate)) / size or 1.0)
+    left, right = (position[0] / x_size, position[-1] / x_size)
+    if scene.x_label == axes.get_xlabel():
+        left, right = scene.extent[:2]
+    axes.set_xlim(left, right)
+
+    def show(now: float) -> None:
+        line.set_ydata(rate[int(np.argmin(np.abs(time - now)))] / size)
+
+    return show
+
+
+def save(
+    record: Record, what: str, path: Path, rate: float = 12.0, most: int = 200,
+    told: Told = lambda part, text: None,
+) -> int:
+    """Write a movie; the suffix of the file selects the format.
+
+    Parameters
+    ----------
+    record : Record
+    what : str
+        The name of a file of this folder.
+    path : Path
+        Ends with gif or mp4.
+    rate : float
+        Frames per second.
+    most : int
+        Largest number of frames.
+    told : callable, optional
+        Called with the finished fraction and a text.
+
+    Returns
+    -------
+    int
+        Number of frames.
+
+    Raises
+    ------
+    RuptfxError
+        If the format is unknown, there are no data, no program can write MP4, or the disk cannot be written.
+    """
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in FORMATS:
+        raise RuptfxError(f"{path}: '.{kind}' is no format of movies; end the name with .gif or .mp4")
+    end = float(record.case.get("duration", 1.0))
+
+    def pictures() -> Iterator[Array]:
+        for time, pixels in frames(record, what, most):
+            told(time / end, f"frame at {with_prefix(float(time), 's')}")
+            yield pixels
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return (_gif if kind == "gif" else _mp4)(pictures(), path, rate)
+    except OSError as error:
+        raise RuptfxError(f"{path}: cannot be written ({error}); free space there, or choose another place") from None
+
+
+def _gif(pictures: Iterator[Array], path: Path, rate: float) -> int:
+    images = [Image.fromarray(pixels).quantize(colors=255, dither=Image.Dither.NONE) for pixels in pictures]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=round(1000 / rate), loop=0)
+    return len(images)
+
+
+def _mp4(pictures: Iterator[Array], path: Path, rate: float) -> int:
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        return _mp4_by_program(pictures, path, rate)
+    count, writer = 0, None
+    for pixels in pictures:
+        if writer is None:
+            size = (pixels.shape[1], pixels.shape[0])
+            writer = imageio_ffmpeg.write_frames(str(path), size, fps=rate, macro_block_size=2, quality=7)
+            writer.send(None)
+        writer.send(np.ascontiguousarray(pixels))
+        count += 1
+    if writer is not None:
+        writer.close()
+    return count
+
+
+def _mp4_by_program(pictures: Iterator[Array], path: Path, rate: float) -> int:
+    from matplotlib.animation import FFMpegWriter
+
+    if not FFMpegWriter.isAvailable():
+        raise RuptfxError(
+            f"{path}: MP4 needs the package imageio-ffmpeg (pip install 'ruptfx[movie]') or the program ffmpeg; or "
+            "write a .gif, which needs neither"
+        )
+    first = next(pictures)
+    figure = Figure(figsize=(first.shape[1] / 100, first.shape[0] / 100), dpi=100)
+    FigureCanvasAgg(figure)
+    shown = figure.figimage(first)
+    writer, count = FFMpegWriter(fps=max(1, round(rate))), 1
+    with writer.saving(figure, str(path), 100):
+        writer.grab_frame()
+        for pixels in pictures:
+            shown.set_data(pixels)
+            writer.grab_frame()
+            count += 1
+    return count

@@ -1,0 +1,56 @@
+"""Figure of the moment rate of surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ruptfx.results.analysis.surface import moment, moment_magnitude, shear_modulus
+from ruptfx.results.analysis.surface import moment_rate as rate_of
+from ruptfx.results.plots._record import has_surface
+from ruptfx.results.plots._sheet import Sheet, figure
+from ruptfx.results.record import Files
+
+PANELS = {"moment_rate": ("Moment rate", "N m/s"), "moment": ("Moment", "N m")}
+
+
+def suits(record: Files) -> bool:
+    """Return whether the run has a surface and two records."""
+    return has_surface(record) and record.interface.sizes["time"] > 1
+
+
+@figure
+def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None) -> None:
+    """Draw the moment rate and the moment against time: those of every surface, and their sum if there are several.
+
+    Parameters
+    ----------
+    field
+        Panels: "moment_rate", "moment". Default: both.
+    """
+    time, surfaces = record.interface["time"].values, record.interfaces
+    moments = {name: np.array([moment(data, row) for row in range(len(time))]) for name, data in surfaces.items()}
+    values = {
+        "moment_rate": {name: rate_of(data) for name, data in surfaces.items()},
+        "moment": moments,
+    }
+    wanted = sheet.choose(field, list(PANELS))
+    axes = sheet.panels(1, len(wanted), 2.6, sharex=True)[0]
+    t_size, t_unit = sheet.scale("time", time, "s")
+    for ax, name in zip(axes, wanted, strict=True):
+        label, unit = PANELS[name]
+        total = np.sum(list(values[name].values()), axis=0)
+        size, printed = sheet.scale(name, total, unit)
+        ax.plot(time / t_size, total / size, color="#1a1a1a", label="all")
+        if len(surfaces) > 1:
+            for fault, each in values[name].items():
+                ax.plot(time / t_size, each / size, label=fault)
+            ax.legend()
+        ax.set(xlabel=f"Time ({t_unit})", ylabel=f"{label} ({printed})", xlim=(time[0] / t_size, time[-1] / t_size))
+        ax.set_ylim(bottom=0)
+    sheet.letter(axes)
+    last = sum(float(each[-1]) for each in moments.values())
+    if last > 0:
+        modulus = shear_modulus(record.interface)
+        sheet.remark(f"Moment magnitude {moment_magnitude(last):.2f}; shear modulus {modulus:.4g} Pa.")

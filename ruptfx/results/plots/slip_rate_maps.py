@@ -1,0 +1,97 @@
+"""Figure of the slip rate on surfaces at several times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.colors import Normalize
+
+from ruptfx import RuptfxError
+from ruptfx.input.schema import nearest as nearest_name
+from ruptfx.results.analysis.surface import magnitude_of
+from ruptfx.results.figure_style import RATE_MAP, Array
+from ruptfx.results.plots import surface_maps as _surface
+from ruptfx.results.plots._record import chosen, has_surface, nearest
+from ruptfx.results.plots._sheet import Sheet, Window, figure
+from ruptfx.results.record import Data, Files
+
+UNITS = {"slip_rate": "m/s", "slip": "m", "shear_traction": "Pa"}
+COLUMNS = 2
+
+
+def suits(record: Files) -> bool:
+    """Return whether the run has a surface and a record."""
+    return has_surface(record) and record.interface.sizes["time"] > 0
+
+
+@figure
+def slip_rate_maps(
+    sheet: Sheet,
+    record: Files,
+    *,
+    at: float | Sequence[float] | None = None,
+    fault: str | Sequence[str] | None = None,
+    x: Window | None = None,
+    field: str = "slip_rate",
+) -> None:
+    """Draw the slip rate, or another field, on every surface at several times, with one scale of colours.
+
+    Parameters
+    ----------
+    at
+        Times [s]; the nearest saved ones are drawn. Default: six while the rupture runs.
+    fault : str or sequence of str, optional
+        Names of surfaces. Default: all.
+    field : str
+        Tangential field, of which the magnitude is drawn: "slip_rate", "slip", "shear_traction".
+    """
+    surfaces = _surface.selected(sheet, record, fault)
+    first = next(iter(surfaces.values()))
+    known = [name.removesuffix("_1") for name in map(str, first) if name.endswith("_1")]
+    if field not in known:
+        raise RuptfxError(f"plots.slip_rate_maps: field = '{field}': {nearest_name(str(field), known)}")
+    saved = first["time"].values
+    wanted = _while_it_runs(surfaces)[-1:] if sheet.is_given else _while_it_runs(surfaces)
+    rows = np.unique(chosen(saved, at, nearest(saved, wanted)))
+    values = {name: [magnitude_of(data, field, int(row)) for row in rows] for name, data in surfaces.items()}
+    all_values = np.concatenate([each for of_times in values.values() for each in of_times])
+    size, unit = sheet.scale(field, all_values, str(first[f"{field}_1"].attrs.get("units", UNITS.get(field, "1"))))
+    high = float(np.quantile(all_values, 0.999)) or 1.0
+    # Maps of one time are next to each other, and those of two times where they stay high enough.
+    height = _surface.height_in_line(surfaces.values())
+    across = min(COLUMNS if height / COLUMNS >= _surface.LOWEST else 1, len(rows))
+    stretch, lines = _surface.stretch_of(height / across), -(-len(rows) // across)
+    ratios = [_surface.size_of(data)[0] for data in surfaces.values()] * across
+    tall = float(np.clip(0.6 + lines * (0.35 + stretch * height / across), 2.0, 8.5))
+    several = "" if len(surfaces) == 1 else f" and a fault with fault = {', '.join(map(repr, surfaces))}"
+    sheet.one_of(f"choose one time with at = 3.0{several}")
+    shared = {"sharex": len(surfaces) == 1, "sharey": len(surfaces) == 1}
+    axes = sheet.panels(lines, len(ratios), tall, width_ratios=ratios, **shared)
+    t_size, t_unit = sheet.scale("time", float(saved.max()), "s")
+    x_scale = sheet.scale("x", max(map(_surface.extent, surfaces.values())), "m")
+    panels = [(row, name, number) for number, row in enumerate(rows) for name in surfaces]
+    for index, (row, name, number) in enumerate(panels):
+        ax, data = axes.flat[index], surfaces[name]
+        each = values[name][number] / size
+        drawn = _surface.draw(ax, data, each, Normalize(0, high / size), RATE_MAP, x_scale, stretch)
+        time = f"{saved[row] / t_size:.3g} {t_unit}"
+        ax.set_title(f"{name}\n{time}" if len(record.interfaces) > 1 else time, loc="right")
+        below = index >= len(panels) - len(ratios)
+        _surface.label(ax, data, index % len(ratios) == 0, below, x_scale)
+        _surface.window(ax, x, x_scale, sheet.name)
+    for ax in axes.flat[len(panels) :]:
+        ax.set_visible(False)
+    label = field.replace("_", " ").capitalize()
+    sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"{label} ({unit})", shrink=0.7)
+    sheet.letter(axes.ravel()[: len(panels)])
+    said = f"Colours end at {high / size:.3g} {unit}; the largest value is {all_values.max() / size:.3g}."
+    sheet.remark(said if all_values.max() > high else "", _surface.stretched(stretch))
+
+
+def _while_it_runs(surfaces: Mapping[str, Data]) -> Array:
+    """Return six times between the first and the last rupture of a point, or of the whole run without one [s]."""
+    arrival = np.concatenate([data["rupture_time"].values for data in surfaces.values()])
+    saved = next(iter(surfaces.values()))["time"].values
+    ends = arrival[np.isfinite(arrival)] if np.isfinite(arrival).any() else saved
+    return np.linspace(ends.min(), ends.max(), 7)[1:]

@@ -1,0 +1,93 @@
+"""Shear strength of the laws of a run along its interface, the upper limit of its shear traction."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import ValidationError
+
+from ruptfx import RuptfxError
+from ruptfx.case import FaultCase
+from ruptfx.input.plugins import active, named
+from ruptfx.input.quantities import with_prefix
+from ruptfx.results.record import Files
+
+
+def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
+    """Return the shear strength at some saved times along the first interface [Pa].
+
+    Computed from the law of the case, weakened by its nucleation, at the saved slip rate, normal stress and state, and
+    from the remaining cohesion at the saved damage. It is zero where the interface is open and has failed.
+
+    Parameters
+    ----------
+    record : Record or Files
+    rows : ndarray of int, shape (times,)
+        Indices of the saved times.
+
+    Returns
+    -------
+    ndarray, shape (times, n), or None
+        None if it cannot be computed: the record has no case, the case gives positions as coordinates, or its law is a
+        plug-in that is not trusted.
+    """
+    data = record.interface
+    position = data["position"].values
+    name = str(data.attrs.get("fault", ""))
+    try:
+        fault = _fault(record, name)
+        if fault is None:
+            return None
+        law = fault.friction.at(position)
+        for nucleation in fault.nucleation:
+            law = nucleation.weaken(law, position)
+        bond = fault.cohesion
+        cohesive = 0.0 if bond is None else bond.at(position).remaining_cohesion(data["damage"].isel(time=rows).values)
+    except (RuptfxError, TypeError):  # a position given as a point has no scalar coordinate
+        return None
+    states = law.all_state_fields()
+    names = ["slip_rate", "normal_stress", *states]
+    if any(each not in data for each in names):
+        return None
+    rate, normal, *values = (np.asarray(data[each].isel(time=rows).values) for each in names)
+    state = dict(zip(states, values, strict=True))
+    with np.errstate(all="ignore"):  # a law with a direct effect has no strength at rest
+        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + cohesive + np.zeros_like(rate)
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _fault(record: Files, name: str) -> FaultCase | None:
+    """Return the interface as its case defines it, with the code of plug-ins only if the record is trusted."""
+    table = record.case.get("faults", {}).get(name)
+    if table is None:
+        return None
+    plugins = named(record.case, record.path) if record.trust else []
+    try:
+        with active(plugins):
+            return FaultCase.model_validate(table, context={"directory": record.path})
+    except ValidationError:
+        if record.case.get("plugins") and not record.trust:
+            record.omitted.append(f"the strength of interface '{name}', in the figure snapshots")
+        return None
+
+
+def closest_to_slip(record: Files) -> str:
+    """Return how near a run that never slipped came to it, and where; empty where its strength is not known.
+
+    Parameters
+    ----------
+    record : Record or Files
+    """
+    data = record.interface
+    if "rupture_time" not in data or np.isfinite(data["rupture_time"].values).any():
+        return ""
+    limit = strength(record, np.arange(len(data["time"].values)))
+    if limit is None or not (limit > 0).any():
+        return ""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(limit > 0, np.abs(data["shear_traction"].values) / limit, 0.0)
+    when, where = np.unravel_index(np.nanargmax(ratio), ratio.shape)
+    place, time = float(data["position"].values[where]), float(data["time"].values[when])
+    return (
+        f"largest shear traction over strength {ratio[when, where]:.2f} "
+        f"at {with_prefix(place, 'm')}, {with_prefix(time, 's')}"
+    )

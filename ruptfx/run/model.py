@@ -1,0 +1,484 @@
+"""The semi-discrete system: M a = -K u - C v - J' W (T - T_0) + boundary forces.
+
+Vectors hold the local degrees of freedom of a blocked Lagrange space, ghosts included, node by node. Diagonal
+quantities (mass, dashpots, edge forces) are complete at every local node, so that ranks update shared nodes alike and
+exchange the internal force only.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from ruptfx import RuptfxError
+from ruptfx.bodies import operators
+from ruptfx.bodies.boundaries.loading import Loads
+from ruptfx.bodies.operators.geometry import is_tensor
+from ruptfx.bodies.operators.memory_sweep import MemorySweep
+from ruptfx.bodies.space import axisymmetry
+from ruptfx.bodies.space.bodies import distribute
+from ruptfx.bodies.space.closest import closest
+from ruptfx.bodies.spectrum import highest_frequency
+from ruptfx.bodies.state import State
+from ruptfx.case import Case, FaultCase
+from ruptfx.input.fields import ENERGIES, KEPT
+from ruptfx.input.profiles import evaluate
+from ruptfx.input.profiles.places import Place, located, parts, patches, positions, shifted
+from ruptfx.input.profiles.rim import Patch
+from ruptfx.input.schema import CaseError, nearest
+from ruptfx.interfaces.collisions.step import CollisionStep
+from ruptfx.interfaces.cracks.rigid import RigidCracks
+from ruptfx.interfaces.cracks.step import CrackStep
+from ruptfx.interfaces.faults.fault import Fault, in_steps
+from ruptfx.interfaces.faults.interface import Interface, build_interface
+from ruptfx.interfaces.mechanisms import mechanisms_of
+from ruptfx.interfaces.mechanisms.system import System, Viscosity
+from ruptfx.interfaces.sliding.interface import build_sliding
+from ruptfx.laws.contact import Way
+from ruptfx.laws.materials import WaveSpeeds
+from ruptfx.laws.materials.traced import TracedMaterial, traced
+from ruptfx.laws.nucleation import first_begun
+from ruptfx.platform import fem, parallel
+
+ALONG = 1e-12  # a normal is along an axis if its largest component differs from 1 by less
+
+
+class Model(System):
+    """The discrete problem of a case on the ranks of a communicator.
+
+    Parameters
+    ----------
+    case : Case
+    comm : MPI communicator
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks: a mesh without the named interface, bodies without material, unknown edges.
+    """
+
+    case: Case
+
+    def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
+        self.case = case
+        sliding = [name for name, fault in case.faults.items() if fault.sliding is not None]
+        world, broken = comm or fem.MPI.COMM_WORLD, case.fracture is not None
+        bodies = distribute(world, case.mesh, self._tied_edges(), sliding, broken)
+        if broken and bodies.mesh.basix_cell().name != "triangle":
+            found = bodies.mesh.basix_cell().name
+            raise CaseError(f"fracture: bodies break along triangles, this mesh has {found}s; give one of triangles")
+        if not broken and (len(bodies.open_facets) or bodies.joints):
+            raise CaseError(
+                "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"
+            )
+        super().__init__(world, bodies, case.stressed_materials, case.plane, case.order, broken)
+        self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
+            self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations,
+            case.initial_tensor,
+        )  # fmt: skip
+        self.collisions = None if case.collisions is None or self.cracks is None else CollisionStep(
+            self.cracks, self.bodies, case.collisions, self.materials, case.plane
+        )  # fmt: skip
+        of_cells = self.materials if self.cracks is None else self.cracks.cell_materials
+        self.bulk = operators.Bulk(
+            self.space, case.plane, of_cells, self.bodies.cell_body, large_rotations=case.large_rotations,
+            variation=self.variation,
+        )
+        self.operator = operators.create(case.operator, self.bulk, case.loaded)
+        self.force = fem.SharedVector(self.space)
+        self.placed: dict[str, FaultCase] = {}  # what the case says of the faults, with positions instead of points
+        self.faults = [self._fault(name, fault) for name, fault in case.faults.items()]
+        unknown = [name for name in self.bodies.interfaces if name not in case.faults]
+        if unknown:
+            raise CaseError(f"faults: the mesh has the interface '{unknown[0]}', which needs [faults.{unknown[0]}]")
+        lines = {fault.name: fault.interface.line for fault in self.faults}
+        if case.positions is not None and all(line.measure != "x" for line in lines.values()):
+            found = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
+            raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
+        self.oblique = self._oblique_nodes()
+        self.loads = Loads(self, case.boundaries)
+        self.attachments = [each.bind(self, f"attachments.{number}") for number, each in enumerate(case.attachments)]
+        self.memory = self._memory()
+        self.viscosity: Viscosity | None = None
+        self.mechanisms = mechanisms_of(self)
+        self.viscosity = self.viscous_layer()  # as stable steps without it allow
+        self.mechanisms = mechanisms_of(self)
+
+    def _oblique_nodes(self) -> np.ndarray:
+        """Return a mask of the nodes of faults whose normal is not along an axis; collective."""
+        marked = np.zeros(self.nodes * self.components)
+        of_nodes = marked.reshape(self.nodes, -1)
+        for fault in self.faults:
+            if self.components > 1 and not fault.slides:
+                normal = fault.interface.frame[:, 0]
+                of_nodes[fault.interface.nodes[np.tile(np.abs(normal).max(axis=1) < 1 - ALONG, 2)]] = 1
+        self.layout.sum_shared(marked)
+        return np.asarray(of_nodes[:, 0] > 0)
+
+    def _tied_edges(self) -> dict[str, tuple[str, str]]:
+        """Return the edges that boundaries tie, by key of the case."""
+        boundaries = {f"boundaries.{number}": boundary for number, boundary in enumerate(self.case.boundaries)}
+        return {key: boundary.tied_edges for key, boundary in boundaries.items() if boundary.tied_edges is not None}
+
+    def viscous_layer(self) -> Viscosity | None:
+        """Return the Kelvin-Voigt damping next to the interfaces."""
+        given = self.case.damping.kelvin_voigt
+        if given is None:
+            return None
+        centres = fem.dolfinx.mesh.compute_midpoints(
+            self.mesh, self.mesh.topology.dim, np.arange(len(self.bodies.cell_body), dtype=np.int32)
+        )[:, : self.mesh.geometry.dim]
+        points = [parallel.share_rows(self.comm, fault.interface.surface_points) for fault in self.faults]
+        if self.cracks is not None:
+            for name in ("thickness", "bodies"):
+                if getattr(given, name) is not None:
+                    raise CaseError(f"damping.kelvin_voigt.{name}: cracked bodies are damped everywhere; leave it out")
+            chosen = np.ones(len(self.bodies.cell_body), dtype=bool)
+        elif given.bodies is not None:
+            chosen = np.isin(self.bodies.cell_body, self._numbers("damping.kelvin_voigt.bodies", given.bodies))
+        elif not points:
+            raise CaseError("damping.kelvin_voigt: there is no interface; name bodies, or use damping.mass")
+        else:
+            chosen = self._near(np.concatenate(points), centres, given.thickness)
+        if not parallel.total(self.comm, chosen.sum()):
+            raise CaseError(
+                f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
+                if given.thickness is not None else "damping.kelvin_voigt.bodies: name a body at least"
+            )
+        stable = 2 / highest_frequency(self)
+        eta = given.eta or parallel.three_digits(given.fraction * stable)
+        bulk, rotates = replace(self.bulk, only=chosen, large_rotations=False), self.bulk.large_rotations
+        touched = np.zeros(self.nodes, dtype=bool)
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
+        if not chosen[:owned].any():
+            chosen[0] = True  # an operator needs an element; its nodes are not touched
+        operator = operators.create(self.case.operator, replace(bulk, large_rotations=rotates), self.case.loaded)
+        if rotates and not isinstance(operator, operators.ViscousOperator):
+            raise CaseError(
+                f"damping.kelvin_voigt: operator = '{self.case.operator}' does not damp bodies that rotate; use "
+                "'matrix_free'"
+            )
+        return Viscosity(eta, bulk, operator, touched, everywhere=self.cracks is not None, rotates=rotates)
+
+    def _numbers(self, key: str, names: list[str]) -> list[int]:
+        """Return the numbers of bodies by their names."""
+        for name in names:
+            if name not in self.bodies.names:
+                raise CaseError(f"{key} = '{name}': no such body, {nearest(name, self.bodies.names)}")
+        return [self.bodies.names.index(name) for name in names]
+
+    def _near(self, points: np.ndarray, centres: np.ndarray, thickness: float | None) -> np.ndarray:
+        """Return a mask of cells with a centre within `thickness` of the points, or a node at one if it is None."""
+        if thickness is None:
+            dofs, x = self.space.dofmap.list, self.coordinates
+            close = 1e-6 * np.linalg.norm([np.ptp(of_axis[dofs], axis=1) for of_axis in x.T], axis=0)
+            # Distances of the other cells are not needed.
+            low, high = points.min(axis=0) - close.max(initial=0.0), points.max(axis=0) + close.max(initial=0.0)
+            there = np.flatnonzero(((x >= low) & (x <= high)).all(axis=1))
+            distance = np.full(len(x), np.inf)
+            distance[there] = closest(x[there], points)[0]
+            return np.asarray(distance[dofs].min(axis=1) < close)
+        return np.asarray(closest(centres, points)[0] <= thickness)
+
+    def free_inverse_mass(self) -> np.ndarray:
+        """Return the inverse mass of all degrees of freedom [1/kg], with sums of tied ones; zero if prescribed."""
+        mass = self.mass.copy()
+        self.layout.sum_tied(mass)
+        return np.where(self.loads.prescribed, 0.0, 1 / mass)
+
+    @property
+    def memory_laws(self) -> dict[str, TracedMaterial]:
+        """Traced formulas of the materials with memory, by name of the body."""
+        named = zip(self.bodies.names, self.given, strict=True)
+        return {name: traced(material, self.case.plane) for name, material in named if material.has_memory()}
+
+    @property
+    def points_of_cells(self) -> int:
+        """Number of points of a cell that have a state of their own."""
+        return self.space.dofmap.list.shape[1] if is_tensor(self.mesh) else 1
+
+    def _memory(self) -> dict[str, MemorySweep]:
+        """Return the sweeps over the elements of materials with memory that this rank has, by name of the body."""
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        found, error = {}, None
+        for number, (name, material) in enumerate(zip(self.bodies.names, self.given, strict=True)):
+            only = self.bodies.cell_body == number
+            if not material.has_memory() or not only[:owned].any():
+                continue
+            try:
+                found[name] = MemorySweep(
+                    replace(self.bulk, only=only), material, f"materials.{name}", number, self.layout.shared
+                )
+            except RuptfxError as caught:  # the elements of a rank may differ
+                error = caught
+        parallel.raise_on_all(self.comm, error)
+        return found
+
+    def _fault(self, name: str, fault: FaultCase) -> Fault:
+        if name not in self.bodies.interfaces:
+            known = ", ".join(self.bodies.interfaces) or "none"
+            raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
+        if fault.sliding is None:
+            face = build_interface(self.layout, name)
+        else:
+            face = build_sliding(self.layout, name, fault.sliding)
+        if self.case.plane == "axisymmetric":
+            radius = face.points[:, 1]
+            reaches = axisymmetry.on_axis(face.points).any()
+            parallel.raise_on_all(self.comm, CaseError(
+                f"faults.{name}: the interface reaches the axis, where it has no area; make the bodies hollow"
+            ) if reaches else None)  # fmt: skip
+            face = replace(face, weight=2 * np.pi * radius * face.weight)
+        self._check_positions(name, face, fault)
+        fault = located(fault, lambda key, place: self._position_of(face, key, place), f"faults.{name}")
+        self.placed[name] = fault
+        error = None
+        try:
+            law, contact = fault.friction.at(face.locations), fault.contact.at(face.locations)
+            normal, shear = fault.initial_stress.tractions(face, law, self.case.initial_stress)
+            for nucleation in fault.nucleation:
+                nucleation.at(face.locations)  # refuses bad profiles before the first step
+                law = nucleation.weaken(law, face.locations)
+            cohesion = None if fault.cohesion is None else fault.cohesion.at(face.locations)
+            gap = None if fault.gap is None else evaluate(fault.at(face.locations).gap, face.locations)
+            if gap is not None and np.any((gap > 0) & (normal > 0)):
+                raise CaseError("gap: where it is open, initial_stress.normal must be zero")
+        except CaseError as caught:  # of a profile, at the points of this rank
+            error = CaseError(f"faults.{name}{_with_key(fault, str(caught))}")
+        parallel.raise_on_all(self.comm, error)
+        self._check_patches(name, face, fault)
+        after = self.case.output.rupture_after
+        if after is None:
+            after = max(first_begun(fault.nucleation)[0], 0.0)
+        direction = fault.initial_stress.directions(normal, shear)
+        made = Fault(name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after)
+        try:
+            made.require_strength()
+        except CaseError as caught:  # the points of a rank may differ
+            error = caught
+        parallel.raise_on_all(self.comm, error)
+        return made
+
+    def _check_positions(self, name: str, face: Interface, fault: FaultCase) -> None:
+        """Refuse positions that were lengths from the left end once and are x now, unless the case says that it knows.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        left = face.line.first
+        if self.case.positions is not None or face.line.measure != "x" or abs(left) <= 1e-9 * face.line.length:
+            return
+        given = list(positions(fault, f"faults.{name}"))
+        if self.case.stop_when is not None:
+            given += positions(self.case.stop_when, "stop_when")
+        if given:
+            raise CaseError(
+                f"positions: faults.{name} is along x from {left:g} m, where positions are x; until ruptfx 0.1 they "
+                'were lengths from its left end. Say that they are x: add the line positions = "x" before the first '
+                f"table of the case; and if it was written for 0.1, shift them by {left:g} m: {shifted(given, left)}"
+            )
+
+    def _check_patches(self, name: str, face: Interface, fault: FaultCase) -> None:
+        """Refuse patches and strips of a surface in which no point of it lies.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        self._check_strips(name, face, fault)
+        for key, patch in parts(fault, f"faults.{name}"):
+            if not isinstance(patch, Patch) or face.across is None:
+                continue
+            found = parallel.largest(self.comm, float(patch.share(face.locations).max(initial=0.0)))
+            if found == 0:
+                (first, last), (upper, lower) = patch.strike, patch.dip
+                deepest = parallel.largest(self.comm, float(face.across.max(initial=0.0)))
+                raise CaseError(
+                    f"{key}: no point of the surface is in the {patch.kind()} with strike = {first:g} to {last:g} m "
+                    f"and dip = {upper:g} to {lower:g} m; the points have strike from {face.line.first:g} to "
+                    f"{face.line.last:g} m and dip from 0 to {deepest:g} m: move the patch onto the surface, or reduce "
+                    "mesh.element_size if it is between points"
+                )
+
+    def _check_strips(self, name: str, face: Interface, fault: FaultCase) -> None:
+        """Refuse strips across a surface in which no point of it lies.
+
+        A profile whose strip is beyond the surface is not refused: it has its outer value there, and several
+        interfaces may have the same profile.
+        """
+        if face.across is None:
+            return
+        for strip in patches(fault, f"faults.{name}"):
+            if not strip.has_edge or strip.center is not None:
+                continue
+            positions = face.across if strip.down_dip else face.position
+            first, last = strip.ends
+            slack = 1e-9 * (last - first)
+            inside = (positions >= first - slack) & (positions <= last + slack)
+            if parallel.anywhere(self.comm, bool(inside.any())):
+                continue
+            lowest = -parallel.largest(self.comm, float((-positions).max(initial=-np.inf)))
+            highest = parallel.largest(self.comm, float(positions.max(initial=-np.inf)))
+            if (lowest < last and first < highest) or ".nucleation." in strip.key:
+                raise CaseError(
+                    f"{strip.key}: no point of the surface is in the {strip.kind} from {first:g} to {last:g} m "
+                    f"{'down dip' if strip.down_dip else 'along strike'}; the points are from {lowest:g} to "
+                    f"{highest:g} m: move it onto the surface, or reduce mesh.element_size if it is between points"
+                )
+
+    def _position_of(self, face: Interface, key: str, place: Place) -> float | np.ndarray:
+        """Return the position [m] of the point of an interface that is nearest to a given one; collective."""
+        if (place.z is None) != (len(face.line.origin) == 2):
+            raise CaseError(f"{key}: give x, y and z of a point of a surface, x and y of one on a line")
+        try:
+            if place.z is not None:
+                return face.nearest_of_surface(self.comm, np.array([place.x, place.y, place.z]))
+            return face.nearest(self.comm, np.array([place.x, place.y]))[0]
+        except RuptfxError as error:
+            raise CaseError(f"{key} = {error}") from None
+
+    # -- for steppers ----------------------------------------------------------------------------------------------
+
+    def initial_state(self) -> State:
+        """Return the state at the start, with the initial stress and the given velocities."""
+        zero = np.zeros(self.nodes * self.components)
+        self.force.array[:] = 0
+        velocity = self.initial_velocity()
+        state = State(zero, velocity, self.force.array, {})
+        for each in self.mechanisms:
+            state.energy |= {energy.name: 0.0 for energy in each.energies if energy.name not in state.energy}
+            each.begin(state)
+        # The kinetic energy at the start counts as work of the boundaries.
+        state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
+        return state
+
+    def initial_slip_rate(self, fault: Fault) -> np.ndarray | None:
+        """Return the slip rate at the start from the velocities of the bodies [m/s], None for compliant contact."""
+        if fault.contact.traction_ends_slip or not self.case.initial_velocity:
+            return None
+        return np.asarray(fault.interface.split(fault.interface.rate(self.initial_velocity()))[1])
+
+    def initial_velocity(self) -> np.ndarray:
+        """Return the velocity of all local degrees of freedom at the start [m/s]; driven edges start at rest.
+
+        Nodes where bodies are welded have the mean of their velocities by mass. Collective.
+        """
+        velocity = np.zeros((self.nodes, self.components))
+        for name, given in self.case.initial_velocity.items():
+            if name not in self.bodies.names:
+                raise CaseError(f"initial_velocity.{name}: no such body, {nearest(name, self.bodies.names)}")
+            share = self.mass_of(self.bodies.names.index(name)) / self.mass  # 1 inside of a body
+            velocity += share.reshape(velocity.shape) * given
+        velocity = velocity.ravel()
+        velocity[self.loads.prescribed] = 0
+        return velocity
+
+    def internal_force(
+        self, displacement: np.ndarray, at_rest: bool = False, out: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return -K u of bodies and elastic supports, summed over ranks [N].
+
+        With the K of small motion, if `at_rest`.
+        """
+        force = np.empty_like(displacement) if out is None else out
+        force[:] = 0
+        (self._operator_at_rest if at_rest else self.operator).add_internal_force(displacement, force)
+        self.layout.sum_shared(force)
+        self.loads.add_support_force(displacement, force)
+        return force
+
+    @cached_property
+    def _operator_at_rest(self) -> operators.Operator:
+        if not self.bulk.large_rotations:
+            return self.operator
+        return operators.create(self.case.operator, replace(self.bulk, large_rotations=False), self.case.loaded)
+
+    def in_steps(self, way: Way) -> Self:
+        """Return this model with the contact methods for steps of one kind.
+
+        Raises
+        ------
+        CaseError
+            Contact that they cannot enforce.
+        """
+        view = copy.copy(self)
+        view.faults = in_steps(self.faults, way, self.cracks is not None and self.cracks.ties_corners)
+        view.mechanisms = mechanisms_of(view)
+        return view
+
+    @property
+    def quadratic(self) -> bool:
+        """True if the strain energy of the bodies is a quadratic form of the displacement."""
+        return not self.bulk.large_rotations
+
+    @property
+    def copies(self) -> int:
+        """2 if the bodies have a mirror image, whose energies count too, else 1."""
+        return 2 if set(self.bodies.one_sided.values()) & {"antisymmetric", "symmetric"} else 1
+
+    def energies(self, state: State, bulk: tuple[float, float] | None = None) -> dict[str, float]:
+        """Return the energies over all ranks [J, per metre of thickness in 2D] at the time of the velocity.
+
+        In the middle of a step the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly. `boundary_work`
+        contains the work of driven edges, tractions and the initial stress.
+
+        Parameters
+        ----------
+        state : State
+            With displacement and velocity at its time: not deferred.
+        bulk : (float, float), optional
+            Kinetic and strain energy of this rank [J] where the stepper knows them; else they cost a force evaluation.
+        """
+        assert not state.deferred
+        kinetic, strain = bulk or self.bulk_energies(state)
+        here = {name: 0.0 if name in KEPT else state.energy.get(name, 0.0) for name in self.energy_columns}
+        here["kinetic"], here["strain"] = kinetic, strain
+        for each in self.mechanisms:
+            each.add_energies(state, here)
+        for each in self.mechanisms:
+            each.close_energies(state, here)
+        summed = self.copies * parallel.total(self.comm, list(here.values()))
+        return dict(zip(here, summed.tolist(), strict=True))
+
+    @property
+    def energy_columns(self) -> list[str]:
+        """Names of the energies: those of every case, then those of its mechanisms."""
+        return list(dict.fromkeys([*ENERGIES, *(energy.name for each in self.mechanisms for energy in each.energies)]))
+
+    def bulk_energies(self, state: State) -> tuple[float, float]:
+        """Return kinetic and strain energy of this rank [J]; collective."""
+        kinetic = 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
+        then = state.at_faults()[1]
+        if self.bulk.large_rotations:
+            force = self.internal_force(then)
+            return kinetic, self.strain_energy(then) - 0.5 * state.lag * self.layout.owned_dot(state.velocity, force)
+        force = self.internal_force(state.displacement)
+        return kinetic, 0.0 - 0.5 * self.layout.owned_dot(then, force)
+
+    def strain_energy(self, displacement: np.ndarray) -> float:
+        """Return the energy of the cells of this rank with large rotations, and of elastic supports [J]."""
+        assert isinstance(self.operator, operators.EnergyOperator)
+        support = np.zeros_like(displacement)
+        self.loads.add_support_force(displacement, support)
+        return self.operator.energy(displacement) - 0.5 * self.layout.owned_dot(displacement, support)
+
+    def wave_speeds(self) -> WaveSpeeds:
+        """Return the wave speeds of the body with the slowest S wave, the scale of the figures."""
+        return min((m.wave_speeds(self.case.plane) for m in self.materials), key=lambda speeds: speeds.c_s)
+
+
+def _with_key(fault: FaultCase, message: str) -> str:
+    """Return the end of a key and a message, which may begin with the class and the field of a part of a fault."""
+    parts = {"friction": fault.friction, "contact": fault.contact, "initial_stress": fault.initial_stress,
+             **{f"nucleation.{number}": each for number, each in enumerate(fault.nucleation)}}  # fmt: skip
+    keys = [key for key, part in parts.items() if message.startswith(f"{type(part).__name__}.")]
+    # Two nucleations of one kind are not told apart.
+    return f".{keys[0]}.{message.partition('.')[2]}" if len(keys) == 1 else f": {message}"

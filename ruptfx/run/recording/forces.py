@@ -1,0 +1,107 @@
+"""Forces between two sliding bodies, and the stick, slip and open parts of the interface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx import Table
+from ruptfx.bodies.state import State
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.sliding.contact_states import OPEN, SLIDING, STICKING, UNCOVERED, contact_states
+from ruptfx.interfaces.sliding.interface import SlidingInterface
+from ruptfx.interfaces.sliding.surface import Floats
+from ruptfx.platform import fem, parallel
+
+PARTS = ("sticking", "sliding", "open", "uncovered")
+WORKS = {  # sums of energies
+    "friction_work": ("frictional_dissipation",), "impact_work": ("impact_loss", "pairing_update_loss"),
+}  # fmt: skip
+COLUMNS = ("normal_force", "shear_force", *PARTS, *WORKS)
+OF_RECORDS = "that of the record of the interface"
+OF_MEANS = "the middle of the time over which all numbers of a row are means"
+
+
+def remark(means: bool) -> str:
+    """Return the first line of the file, which describes its columns."""
+    return (
+        f"time in s, {OF_MEANS if means else OF_RECORDS}; forces between the bodies in N per metre, the normal one "
+        "positive in compression; then parts of the length of the plus side; then, in J per metre, what friction took "
+        "so far, and what impacts and updates of the pairing did"
+    )
+
+
+def row(comm: fem.MPI.Comm, fault: Fault, state: State, threshold: float) -> list[float]:
+    """Return normal (compression positive) and shear force in the mean frame [N/m], lengths and works; collective.
+
+    After the forces are the parts of the length of the plus side that stick, slide, are open or have no partner, and
+    the works. Sliding points are faster than `threshold` [m/s].
+    """
+    return _row(comm, _sums(fault, state, threshold))
+
+
+def _sums(fault: Fault, whole: State, threshold: float) -> Floats:
+    """Return force, length times tangent, works, and lengths by state of contact; of this rank, shape (10,)."""
+    face, state = fault.interface, whole.faults[fault.name]
+    assert isinstance(face, SlidingInterface)
+    area = face.owned * face.weight
+    local = np.stack([-state["normal_stress"], state["shear_traction"]], axis=1)
+    states = contact_states(fault, state, threshold)
+    status = [area @ (states == each) for each in (STICKING, SLIDING, OPEN, UNCOVERED)]
+    works = [sum(whole.energy[f"{fault.name}.{name}"] for name in names) for names in WORKS.values()]
+    return np.concatenate([np.einsum("i,ik,ikc->c", area, local, face.frame), area @ face.frame[:, 1], works, status])
+
+
+def _row(comm: fem.MPI.Comm, sums: Floats) -> list[float]:
+    """Return the row from the sums of every rank; collective."""
+    force, tangent, works, parts = np.split(parallel.total(comm, sums.tolist()), [2, 4, 6])
+    tangent /= np.linalg.norm(tangent)
+    normal = np.array([-tangent[1], tangent[0]])
+    return [float(-force @ normal), float(force @ tangent), *(parts / parts.sum()).tolist(), *works.tolist()]
+
+
+class ForceMeans:
+    """Mean forces and parts of sliding interfaces over time, which contain all events between two rows.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+    faults : list of Fault
+        Faults with finite sliding.
+    threshold : float
+        Slip rate above which a point slides [m/s].
+    """
+
+    def __init__(self, comm: fem.MPI.Comm, faults: list[Fault], threshold: float) -> None:
+        self._comm, self._faults, self._threshold = comm, faults, threshold
+        self._sums = {fault.name: np.zeros(10) for fault in faults}
+        self._began = self._time = 0.0
+
+    def observe(self, state: State) -> None:
+        """Add the state after a step; its forces represent the time since the previous step."""
+        now = state.fault_time
+        for fault in self._faults if now > self._time else []:
+            self._sums[fault.name] += (now - self._time) * _sums(fault, state, self._threshold)
+        self._time = max(now, self._time)
+
+    def take(self) -> tuple[float, dict[str, list[float]]]:
+        """Return the middle of the time since the last call [s], and the row of the means; collective."""
+        length, middle = self._time - self._began, 0.5 * (self._began + self._time)
+        rows = {name: _row(self._comm, sums / length) for name, sums in self._sums.items()}
+        for sums in self._sums.values():
+            sums[:] = 0
+        self._began = self._time
+        return middle, rows
+
+    def table(self) -> Table | None:
+        """Return all data that change, of every rank on rank 0, for a checkpoint; collective."""
+        ranks = self._comm.gather({name: sums.tolist() for name, sums in self._sums.items()}, root=0)
+        return None if ranks is None else {"began": self._began, "time": self._time, "ranks": ranks}
+
+    def restore(self, table: Table) -> None:
+        """Continue from a checkpoint; on another number of ranks rank 0 takes the sum."""
+        self._began, self._time, ranks = table["began"], table["time"], table["ranks"]
+        mine = ranks if self._comm.rank == 0 else []
+        if len(ranks) == self._comm.size:
+            mine = [ranks[self._comm.rank]]
+        for name, sums in self._sums.items():
+            sums[:] = np.sum([rank[name] for rank in mine], axis=0) if mine else 0.0

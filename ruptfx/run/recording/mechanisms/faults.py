@@ -1,0 +1,126 @@
+"""Histories of the fields at the points of interfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import Table
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.interface import Interface
+from ruptfx.interfaces.mechanisms.faults import Faults
+from ruptfx.laws.nucleation import first_begun
+from ruptfx.platform import fem, parallel
+from ruptfx.run.recording.interface_file import InterfaceFile
+from ruptfx.run.recording.mechanisms import Opening, Records
+
+if TYPE_CHECKING:
+    from ruptfx.bodies.state import State
+    from ruptfx.run.model import Model
+
+
+OF_LINES = {"space_time": 2, "snapshots": 9, "slip_profiles": 2, "front": 2}
+OF_SURFACES = {"rupture_map": 6, "slip_rate_maps": 8, "moment_rate": 1}
+"""Figures of the two kinds of interfaces, each with its cost in plain panels."""
+
+
+class FaultRecords(Records):
+    """`interface.h5`, or `interface_NAME.h5` for each of several faults."""
+
+    of = Faults
+
+    def __init__(self, model: Model, mechanisms: Sequence[Faults]) -> None:
+        super().__init__(model, mechanisms)
+        surfaces = [fault.interface.across is not None for fault in model.faults]
+        self.figures = OF_SURFACES if all(surfaces) else OF_LINES
+        self._of = {fault.name: mechanism for mechanism in mechanisms for fault in mechanism.faults}
+        self._places: list[dict[str, np.ndarray]] = []
+        self._files: dict[str, InterfaceFile] = {}
+
+    def names(self) -> list[str]:
+        return [file_name(self.model, fault, "interface", "h5") for fault in self.model.faults]
+
+    def gather(self) -> None:
+        self._places = [_positions(self.model.comm, fault.interface) for fault in self.model.faults]
+
+    def open(self, opening: Opening) -> None:
+        for fault, place, name in zip(self.model.faults, self._places, self.names(), strict=True):
+            attributes, kept = self._attributes(fault, place, opening.about), opening.kept("interface")
+            fields = self._of[fault.name].recorded_fields()
+            self._files[fault.name] = InterfaceFile(opening.out / name, fault, place, attributes, kept, fields)
+
+    def read(self, state: State) -> tuple[float, dict[str, dict[str, np.ndarray]]]:
+        return state.fault_time, {fault.name: self._gather(fault, state) for fault in self.model.faults}
+
+    def _gather(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
+        """Return every field of a fault in order along the interface, on rank 0; needs an up-to-date displacement."""
+        face, fields = fault.interface, self._of[fault.name].recorded(fault, state)
+        return parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
+
+    def append(self, time: float, data: dict[str, dict[str, np.ndarray]]) -> None:
+        for name, fields in data.items():
+            self._files[name].append(time, fields)
+
+    def largest_slip_rate(self, data: dict[str, dict[str, np.ndarray]]) -> float:
+        rates = [v for each in data.values() for name, v in each.items() if name.startswith("slip_rate")]
+        return float(max((np.abs(rate).max() for rate in rates), default=0.0))
+
+    def reopen(self) -> list[Path]:
+        for file in self._files.values():
+            file.reopen()
+        return [file.path for file in self._files.values()]
+
+    def complete(self) -> None:
+        for file in self._files.values():
+            file.complete()
+
+    def close(self) -> None:
+        for file in self._files.values():
+            file.close()
+
+    def numbers(self, records: int, snapshots: int) -> float:
+        numbers = 0.0
+        for fault in self.model.faults:
+            recorded = [field for field in self._of[fault.name].recorded_fields() if field.recorded]
+            names = [name for field in recorded for name in field.names(fault.tangents)]
+            numbers += records * fault.interface.total * (len(names) + len(fault.state_fields()))
+        return numbers
+
+    def _attributes(self, fault: Fault, place: dict[str, np.ndarray], about: Table) -> Table:
+        case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
+        # The end of the interface next to a driven edge, or the left end.
+        right = any(edge.endswith(".right") for edge in case.driven_edges)
+        of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
+        if (varying := self.model.variation) is not None:
+            of_bodies[:, 0] = varying.fastest
+        if not (body := self.model.materials[0]).isotropic:
+            about = {"mach_free_speed": body.mach_free_speed(case.plane), **about}
+        onset, center = first_begun(fault.nucleation)
+        return {
+            "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
+            "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
+            "bodies": self.model.bodies.names, "c_p_of_bodies": of_bodies[:, 0], "c_s_of_bodies": of_bodies[:, 1],
+            "shear_modulus_of_bodies": np.array([m.density for m in self.model.materials]) * of_bodies[:, 1] ** 2,
+            "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
+            "loaded_end": float(place["position"][-1 if right else 0]), "complete": 0,
+            "nucleation_time": onset, "nucleation_position": center,
+            "record": "all fields of a record are those of its time; tractions, slip rate, slip and state satisfy the "
+            "laws of contact and friction there",
+            **about,
+        }  # fmt: skip
+
+
+def file_name(model: Model, fault: Fault, begin: str, ending: str) -> str:
+    """Return the name of a file of a fault, without the name of the fault if it is the only one."""
+    return f"{begin}.{ending}" if len(model.faults) == 1 else f"{begin}_{fault.name}.{ending}"
+
+
+def _positions(comm: fem.MPI.Comm, face: Interface) -> dict[str, np.ndarray]:
+    """Return positions and coordinates of the points of an interface on rank 0 [m]; of a surface dip and area, too."""
+    columns = {"position": face.position, **dict(zip("xyz", face.points.T, strict=False))}
+    if face.across is not None:
+        columns |= {"dip": face.across, "area": face.area}
+    return parallel.gather_fields(comm, face.number, face.owned, columns)

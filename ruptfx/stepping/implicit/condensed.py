@@ -1,0 +1,412 @@
+"""Implicit steps condensed to the interfaces: bodies are linear, so that Newton's iteration is done there only.
+
+At a displacement u with the jump g and the residual R, the correction d that balances all forces solves
+
+    A d = -R - J' W q,    q(e) = t(g + e) - t(g) - k e,    e = J d
+
+with A = K + c_M M + c_C C + J' W k J for closed, stuck interfaces, whose factors are stored (`compliance`), and
+tractions t. Hence e + S W q(e) = -J A^-1 R, a system for the jumps e only, solved with the exact tangents of t; then
+d takes one back substitution. Where R is at the interfaces only, as in quasi-static steps with steady loading,
+J A^-1 R is S times it; if waves have a limited reach in a step, it takes one of a strip along the interfaces; else
+one of all. As bodies are linear, u + d is the equilibrium up to rounding;
+the residual of the full system decides, and is reduced once more if needed. Multipliers are iterated at the
+interfaces, too.
+
+Newton's linear systems (1 + S D) de = b, D = dq/de, are factorised if small; larger ones are solved by
+GMRES, preconditioned by their diagonal or, if that is too slow, by the factors of a previous iteration.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from scipy.linalg import lu_factor, lu_solve
+
+from ruptfx.bodies.operators.assembled import is_linear
+from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.faults.projection import ProjectionError
+from ruptfx.interfaces.mechanisms import responding
+from ruptfx.interfaces.sliding.interface import SlidingInterface
+from ruptfx.platform import parallel
+from ruptfx.stepping.implicit.compliance import Compliance, Influence, Jumps, norm
+from ruptfx.stepping.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
+from ruptfx.stepping.implicit.step import MAX_OUTER, Step
+from ruptfx.stepping.implicit.surfaces import PairedCompliance, Surfaces, SurfaceStiffness, count_nodes
+from ruptfx.stepping.implicit.tangent import Tangent
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.mechanisms.system import System
+
+Value = TypeVar("Value")
+Stored = TypeVar("Stored")
+
+MAX_UNKNOWNS = 4000  # largest number of jump components, or of surface nodes with finite sliding: matrices are dense
+MAX_STORED = 4  # number of stored factorisations
+MAX_CORRECTIONS = 4
+MAX_HALVINGS = 12
+FAST = 0.1  # ratio of successive residuals for which iterations continue below the tolerance
+STALLING, MAX_STALLED = 0.9, 2  # ratio of successive residuals that counts as stalling, and its largest repetition
+SMALL = 200  # number of unknowns up to which a factorisation takes almost no time
+MAX_KRYLOV = 30  # GMRES iterations beyond which a factorisation is cheaper
+ROUNDING = 8 * np.finfo(float).eps
+INEXACT = 1e-3  # relative residual of linear systems: Newton's iteration hardly slows down
+
+
+def fits(model: System) -> bool:
+    """Return whether the steps of a model can be condensed; collective.
+
+    Bodies must be linear and factorised by default, with few interface unknowns, and without mechanisms that act on
+    them besides boundaries and faults.
+    """
+    if responding(model.mechanisms):
+        return False
+    jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
+    return 0 < jumps <= MAX_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
+
+
+def require_fit(model: System) -> None:
+    """Refuse finite sliding where steps cannot be condensed; collective.
+
+    Raises
+    ------
+    CaseError
+    """
+    name = next((fault.name for fault in model.faults if fault.slides), None)
+    if name is None:
+        return
+    unknowns = count_nodes(model) * model.components
+    label, instead = f"faults.{name}.sliding", "or use the stepper 'leapfrog'"
+    if not is_linear(model.bulk):
+        kinds = ", ".join(sorted({f"'{material.kind()}'" for material in model.materials}))
+        raise CaseError(
+            f"{label}: implicit steps need materials whose stiffness is constant, and one of {kinds} has another; use "
+            f"'isotropic_elastic' or 'orthotropic_elastic', {instead}"
+        )
+    if unknowns > MAX_UNKNOWNS:
+        raise CaseError(
+            f"{label}: the surfaces have {unknowns} degrees of freedom, implicit steps take {MAX_UNKNOWNS} (their "
+            f"stiffness is a dense matrix); use larger elements along the interface, {instead}"
+        )
+    if not is_factorised(model):
+        raise CaseError(
+            f"{label}: implicit steps factorise the bodies, and {model.total_nodes * model.components} degrees of "
+            f"freedom are too many, or there is no MUMPS for {model.comm.size} ranks; use larger elements, {instead}"
+        )
+
+
+@dataclass
+class Tractions:
+    """Tractions t of all interface points, shape (points, local) [Pa], and dt/de, shape (points, local, local)."""
+
+    value: np.ndarray
+    tangent: np.ndarray
+
+
+@dataclass
+class Guess:
+    """Jumps e [m], shape (points, local), with dt/de there, q [Pa] and the residual of e + S W q(e) [m]."""
+
+    e: np.ndarray
+    tangent: np.ndarray
+    q: np.ndarray
+    residual: np.ndarray
+
+
+class Condensed:
+    """Solver of the steps of one model on its interfaces.
+
+    Attributes
+    ----------
+    jumps : Jumps
+    history : list of float
+        Norm of the residual at every evaluation of the last solve [N]: of the full system, and of the interface
+        system.
+    iterations, outer : int
+        Newton iterations and multiplier iterations of the last solve.
+    reason : str
+        Reason why it ended.
+    """
+
+    def __init__(self, model: System, tangent: Tangent) -> None:
+        self._model, self._tangent = model, tangent
+        self.jumps = Jumps(model)
+        self._surfaces = Surfaces(model, self.jumps) if any(fault.slides for fault in model.faults) else None
+        self._kept: OrderedDict[tuple[float, ...], Any] = OrderedDict()
+        self._paired: tuple[tuple[object, ...], PairedCompliance] | None = None
+        self.history: list[float] = []
+        self.iterations = self.outer = 0
+        self.reason = ""
+
+    def solve(self, step: Step, u: np.ndarray) -> bool:
+        """Solve `step` from `u` and evaluate it there; return whether it has an equilibrium; collective."""
+        self.clear_history()
+        u, before = u.copy(), np.inf
+        for _ in range(MAX_CORRECTIONS):
+            step.evaluate(u)
+            left = norm(self._model, step.residual)
+            self.history.append(left)
+            if left <= step.enough(TOLERANCE):
+                self.reason = "CONVERGED"
+                return True
+            if not left < 0.5 * before:
+                self.reason = "DIVERGED: the residual falls no more" if np.isfinite(left) else "DIVERGED: a law failed"
+                return False
+            before = left
+            compliance = self.influence(step)
+            driven, finish = compliance.begin(-step.residual, 0.1 * step.enough(TOLERANCE))
+            start, begun, enough = self.jumps.of(u), step.multipliers, step.enough(TOLERANCE)
+            found = self.balance(step, compliance, start, driven, enough)
+            if found is None and self._surfaces is not None:
+                step.multipliers, self.outer = begun, 1
+                self.tractions(step, start)
+                found = self.balance(step, compliance, start, driven, enough, together=True)
+            if found is None:
+                return False
+            u += finish(found.q)
+        self.reason = "DIVERGED: the residual falls too slowly"
+        return False
+
+    def clear_history(self) -> None:
+        """Reset the counters."""
+        self.history, self.iterations, self.outer, self.reason = [], 0, 1, ""
+
+    def influence(self, step: Step) -> Influence:
+        """Return the jumps under unit tractions, for the length of the step and the present pairing; collective."""
+        if self._surfaces is None:
+            return self.compliance(step)
+        surfaces = self._surfaces
+        of_bodies = self._of_length(
+            step.key[:2], lambda: SurfaceStiffness(self._model, surfaces, self._tangent, step.key[:2])
+        )
+        faces = [fault.interface for fault in self._model.faults]
+        key = (step.key, *(face.geometry.revision for face in faces if isinstance(face, SlidingInterface)))
+        if self._paired is None or self._paired[0] != key:
+            self._paired = None  # frees memory for the next one
+            self._paired = key, PairedCompliance(of_bodies, self.jumps, step.stuck())
+        return self._paired[1]
+
+    def compliance(self, step: Step) -> Compliance:
+        """Return the compliance for the length of the step, for interfaces without finite sliding; collective."""
+        return self._of_length(
+            step.key, lambda: Compliance(self._model, self.jumps, self._tangent, step.key[:2], step.stuck())
+        )
+
+    def _of_length(self, key: tuple[float, ...], make: Callable[[], Stored]) -> Stored:
+        """Return a stored object for the length of steps, or create it; the last few are stored; collective."""
+        found = self._kept.pop(key, None)
+        if found is None:
+            while len(self._kept) >= MAX_STORED:
+                self._kept.popitem(last=False)[1].destroy()
+            found = make()
+        self._kept[key] = found
+        return found
+
+    def balance(
+        self, step: Step, compliance: Influence, start: np.ndarray, driven: np.ndarray, enough: float,
+        together: bool = False,
+    ) -> Guess | None:  # fmt: skip
+        """Return the jumps e that balance forces, None if none are found; collective.
+
+        The step must have been evaluated at the jumps at the start; afterwards it has been at those of the end.
+
+        Parameters
+        ----------
+        start : ndarray, shape (points, local)
+            Jumps for e = 0 [m].
+        driven : ndarray, shape (points, local)
+            -J A^-1 R [m].
+        enough : float
+            Tolerated residual of the full system [N]; a hundredth of it is the tolerance here.
+        together : bool
+            Begin with tension in open points, as if they were closed: bodies that only contact supports then
+            overlap, and the iteration opens points instead of searching for the first one that touches.
+        """
+        stuck, begin = compliance.stuck, self.gather(step)
+        changes = _Changes(compliance)
+
+        def guess(e: np.ndarray, t: Tractions | None) -> Guess | None:
+            if t is None:
+                return None
+            q = traction_change(t.value, begin.value, blockwise_product(stuck, e))
+            return Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
+
+        now = guess(np.zeros_like(driven), begin)
+        if together:
+            opening = self.jumps.gather({name: response.state["opening"] for name, response in step.responses.items()})
+            pulled = np.zeros_like(driven)
+            pulled[:, 0] = stuck[:, 0, 0] * opening
+            e = self._agreed(driven - compliance.jumps_under(pulled))
+            now = guess(e, self.tractions(step, start + e))
+        while now is not None and self.outer <= MAX_OUTER:
+            stalled, before = 0, np.inf
+            for _ in range(MAX_NEWTON):
+                forces, size = self.residual_bound(compliance, now), self._agreed(float(np.linalg.norm(now.residual)))
+                self.history.append(forces)
+                # Or the jumps are exact up to rounding.
+                small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
+                # Below the tolerance, Newton's iteration converges fast or has reached rounding.
+                ends = forces <= enough and size > FAST * before
+                if self._agreed(bool(forces <= 0.01 * enough or small or ends)):
+                    break
+                change = self._agreed(changes.solve(now.tangent - stuck, now.residual))
+                self.iterations += 1
+                longest = length = min(1.0, compliance.farthest / max(float(np.abs(change).max()), 1e-300))
+                taken, before = None, size
+                for _ in range(MAX_HALVINGS):
+                    e = now.e + length * change
+                    there = guess(e, self.tractions(step, start + e))
+                    ahead = np.inf if there is None else float(np.linalg.norm(there.residual))
+                    size = self._agreed(ahead)
+                    if size <= (1 - 1e-4 * length) * before:
+                        taken = there
+                        break
+                    length *= 0.5
+                stalled = stalled + 1 if length < longest and size > STALLING * before else 0
+                if taken is None and forces <= enough:
+                    break
+                if taken is None or stalled == MAX_STALLED:
+                    self.reason = f"DIVERGED: no step at the interfaces reduces {self.history[-1]:.3g} N"
+                    return None
+                now = taken
+            else:
+                self.reason = f"DIVERGED: {MAX_NEWTON} iterations at the interfaces"
+                return None
+            if step.multipliers_converged():
+                return now
+            step.update_multipliers()
+            self.outer += 1
+            now = guess(now.e, self.tractions(step, start + now.e))
+        failed = "a law failed" if now is None else f"tractions still change after {MAX_OUTER} updates"
+        self.reason = f"DIVERGED: {failed}"
+        return None
+
+    def residual_bound(self, compliance: Influence, found: Guess) -> float:
+        """Return an upper bound of the unbalanced forces for a residual of the jumps [N]; collective.
+
+        No interface is stiffer than a stuck one.
+        """
+        pulls = compliance.weight[:, None] * blockwise_product(compliance.stuck, found.residual)
+        return self._agreed(float(np.linalg.norm(pulls)))
+
+    def _agreed(self, value: Value) -> Value:
+        """Return the value of the first rank, as all compute the same up to rounding; collective."""
+        comm = self._model.comm
+        agreed: Value = value if comm.size == 1 else comm.bcast(value, root=0)
+        return agreed
+
+    def tractions(self, step: Step, jump: np.ndarray) -> Tractions | None:
+        """Return the tractions at jumps of all points, None where a law fails; collective."""
+        error = None
+        try:
+            step.respond({fault.name: self.jumps.pick(jump, fault.name) for fault in self._model.faults})
+        except ProjectionError as caught:
+            error = caught
+        if parallel.anywhere(self._model.comm, error is not None):
+            return None
+        return self.gather(step)
+
+    def gather(self, step: Step) -> Tractions:
+        """Return the tractions of the last responses; collective."""
+        value, tangent = (
+            self.jumps.gather({name: getattr(response, part) for name, response in step.responses.items()})
+            for part in ("traction", "tangent")
+        )
+        return Tractions(value, tangent)
+
+
+class _Changes:
+    """Solver of (1 + S D) de = -f for changes of the jumps, with D in blocks.
+
+    A new one is created for every step, so that a step does not depend on previous ones.
+    """
+
+    def __init__(self, compliance: Influence) -> None:
+        self._compliance = compliance
+        self._active = np.zeros((0, 0), dtype=bool)
+        self._factors: tuple[np.ndarray, np.ndarray] | None = None
+
+    def solve(self, slope: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Return de, shape (points, local).
+
+        Parameters
+        ----------
+        slope : ndarray, shape (points, local, local)
+            D [Pa/m].
+        f : ndarray, shape (points, local)
+            [m]
+        """
+        # y = D de: zero rows of D, as of sticking points, drop out of (1 + D S) y = -D f.
+        active = np.any(slope != 0, axis=2)
+        if not np.array_equal(active, self._active):
+            self._active, self._factors = active, None
+        right = -blockwise_product(slope, f)[active]
+        if not right.any():
+            return -f
+        if len(right) > SMALL:
+            answered = self._iterate(slope, right)
+            if answered is not None:
+                return -f - answered
+        self._factors = lu_factor(self._matrix(slope), overwrite_a=True, check_finite=False)
+        return -f - self._compliance.jumps_under(self._spread(lu_solve(self._factors, right, check_finite=False)))
+
+    def _spread(self, y: np.ndarray) -> np.ndarray:
+        """Return tractions of all points, shape (points, local), from the unknown ones."""
+        traction = np.zeros(self._active.shape)
+        traction[self._active] = y
+        return traction
+
+    def _iterate(self, slope: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+        """Return S y, shape (points, local), or None after too many iterations.
+
+        GMRES, preconditioned with the diagonal or with earlier factors; S y is the sum of its products with S.
+        Source: Saad and Schultz (1986).
+        """
+        last, compliance = self._factors, self._compliance
+        diagonal = 1 + np.einsum("pij,pji->pi", slope, compliance.own)[self._active]
+        size = float(np.linalg.norm(right))
+        directions, answers = [right / size], []
+        hessenberg, target = np.zeros((MAX_KRYLOV + 1, MAX_KRYLOV)), np.zeros(MAX_KRYLOV + 1)
+        target[0] = size
+        for k in range(MAX_KRYLOV):
+            y = directions[k] / diagonal if last is None else lu_solve(last, directions[k], check_finite=False)
+            answers.append(compliance.jumps_under(self._spread(y), roughly=True))
+            v = y + blockwise_product(slope, answers[k])[self._active]
+            for i, direction in enumerate(directions):
+                hessenberg[i, k] = direction @ v
+                v -= hessenberg[i, k] * direction
+            hessenberg[k + 1, k] = length = float(np.linalg.norm(v))
+            part = hessenberg[: k + 2, : k + 1]
+            weights = np.linalg.lstsq(part, target[: k + 2], rcond=None)[0]
+            if np.linalg.norm(part @ weights - target[: k + 2]) <= INEXACT * size:
+                return np.asarray(np.tensordot(weights, answers, 1))
+            directions.append(v / length)
+        return None
+
+    def _matrix(self, slope: np.ndarray) -> np.ndarray:
+        """Return 1 + D S in the active rows and columns."""
+        point, component = np.nonzero(self._active)
+        whole = np.eye(len(point))
+        for k, i in np.ndindex(slope.shape[1:]):
+            factor, columns = slope[point, component, k], component == i
+            if np.any(factor):
+                whole[:, columns] += factor[:, None] * self._compliance.blocks[k, i][np.ix_(point, point[columns])]
+        return whole
+
+
+def traction_change(traction: np.ndarray, before: np.ndarray, sticking: np.ndarray) -> np.ndarray:
+    """Return tractions less those before and those of sticking points; zero up to rounding is exactly zero [Pa].
+
+    Products skip zeros.
+    """
+    q = traction - before - sticking
+    q[np.abs(q) <= ROUNDING * (np.abs(traction) + np.abs(before) + np.abs(sticking))] = 0.0
+    return q
+
+
+def blockwise_product(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Return the products at every point, of shapes (points, local, local) and (points, local)."""
+    return np.asarray(np.einsum("pij,pj->pi", blocks, vectors))

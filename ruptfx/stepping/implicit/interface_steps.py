@@ -1,0 +1,338 @@
+"""Quasi-static steps of linear bodies on the interfaces alone, while no output needs the bodies.
+
+Newton's iteration is that of `condensed`; here are its right-hand side and the update of the bodies.
+
+The boundaries change by amounts a_m only: displacements of edges and factors of loads. From a state in equilibrium,
+the base b, displacement and jumps g = J u are, with A, k and S = J A^-1 J' W of `condensed`,
+
+    u = u_b + sum_m (a_m - a_m,b) w_m - A^-1 J' W p,    p = (t - t_b) - k (g - g_b),
+    g = J u_b + sum_m (a_m - a_m,b) J w_m - S p,
+
+w_m being the response of the bodies, with sticking interfaces, to a unit of the amount m. A step solves the second
+line for the jumps as `condensed` does; the first takes a back substitution for the displacement and one for the
+velocity, together, when output needs them (`advance_bodies`). Results do not depend on when that is: it changes no
+bit of later steps, and a restarted run has bitwise the same results.
+
+The work of boundaries on bodies in equilibrium at both ends of a step is the change of strain energy, and interfaces
+take the mean traction times the change of the jump. Only the latter is counted step by step: from `set_base` to
+`drop_base` the strain energy is left out of `State.energy["boundary_work"]`, and kinetic energy, which equilibrium
+loses, of `State.energy["damping"]`; `energies` adds them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.platform import parallel
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit.condensed import Condensed, blockwise_product, traction_change
+from ruptfx.stepping.implicit.solution import Solution
+from ruptfx.stepping.implicit.solvers import TOLERANCE
+from ruptfx.stepping.implicit.step import FAR, Step, Terms
+
+if TYPE_CHECKING:
+    from ruptfx.bodies.state import FaultState, State
+    from ruptfx.interfaces.mechanisms.system import System
+    from ruptfx.stepping.implicit.compliance import Compliance, Jumps
+
+BASE, SINCE, BEFORE = "deferred_base", "deferred_since", "deferred_before"
+CARRIED = ("jump", "jump_rate", "traction_rate", "base_traction")
+
+
+def fits(model: System) -> bool:
+    """Return whether no interface has finite sliding and all loads and motions of edges only change by a factor."""
+    if any(fault.slides for fault in model.faults):
+        return False
+    loads = model.loads
+    amounts = [motion.displacement for motion in loads.motions] + [force.factor for force in loads.forces]
+    return not any(np.ndim(amount(loads.start)) for amount in amounts)
+
+
+@dataclass
+class InterfaceSolution(Solution):
+    """An equilibrium with its displacement known at driven edges only; elsewhere it is that of an earlier state.
+
+    Attributes
+    ----------
+    jumps, tractions : dict of str to ndarray, shape (n, local)
+        Displacement jump [m] and T - T_0 [Pa] by fault.
+    """
+
+    jumps: dict[str, np.ndarray] = field(default_factory=dict)
+    tractions: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+class LoadPath:
+    """A load or edge motion with an amount that changes in time.
+
+    Parameters
+    ----------
+    amount : callable, time -> float
+        Displacement of an edge [m], or factor of a load.
+    make : callable, compliance -> ndarray of shape (nodes * components,)
+        Returns the response of the bodies to a unit of it.
+    jumps : Jumps
+    """
+
+    def __init__(
+        self, amount: Callable[[float], float | np.ndarray], make: Callable[[Compliance], np.ndarray], jumps: Jumps
+    ) -> None:
+        self._amount, self._make, self._jumps = amount, make, jumps
+        self._answers: dict[Compliance, tuple[np.ndarray, np.ndarray]] = {}
+
+    def grown(self, start: float, end: float) -> float:
+        """Return the change of the amount between two times [s]."""
+        return float(self._amount(end)) - float(self._amount(start))
+
+    def answer(self, compliance: Compliance) -> tuple[np.ndarray, np.ndarray]:
+        """Return the response to a unit and its jump at all points, shape (points, local); collective."""
+        if compliance not in self._answers:
+            made = self._make(compliance)
+            self._answers[compliance] = made, self._jumps.of(made)
+        return self._answers[compliance]
+
+
+class InterfaceSteps:
+    """Steps on the interfaces of one model, from a base state until output needs the bodies.
+
+    Parameters
+    ----------
+    equilibrium : Terms
+    solver : Condensed
+    """
+
+    def __init__(self, equilibrium: Terms, solver: Condensed) -> None:
+        self._equilibrium, self._solver, self._model = equilibrium, solver, equilibrium.model
+        self._load_paths = list(self._all_load_paths())
+        self._log = logging.getLogger("ruptfx.run")
+
+    def _all_load_paths(self) -> Iterator[LoadPath]:
+        loads, size, jumps = self._model.loads, len(self._model.mass), self._solver.jumps
+        for number, motion in enumerate(loads.motions):
+            unit = np.zeros(size)
+            unit[motion.dofs] = 1.0
+            for later in loads.motions[number + 1 :]:  # the last one counts, as in `Loads.moved`
+                unit[later.dofs] = 0.0
+            yield LoadPath(motion.displacement, partial(self._moved, unit), jumps)
+        for force in loads.forces:
+            nodal = np.zeros(size)
+            nodal[force.dofs] = force.values
+            yield LoadPath(force.factor, partial(self._loaded, nodal), jumps)
+
+    def _moved(self, unit: np.ndarray, compliance: Compliance) -> np.ndarray:
+        """Return the displacement under moved edges with sticking interfaces; collective."""
+        jumps = self._solver.jumps
+        sticking = blockwise_product(compliance.stuck, jumps.of(unit))
+        return unit + compliance.solve(self._model.internal_force(unit) - jumps.force(sticking, len(unit)))
+
+    @staticmethod
+    def _loaded(nodal: np.ndarray, compliance: Compliance) -> np.ndarray:
+        """Return the displacement under nodal forces [N]; collective."""
+        return compliance.solve(nodal)
+
+    @staticmethod
+    def has_base(state: State) -> bool:
+        """Return whether a state has a base."""
+        return SINCE in state.numbers
+
+    def set_base(self, state: State) -> None:
+        """Make a state in equilibrium the base; collective."""
+        kinetic, strain = self._model.bulk_energies(state)
+        state.energy["boundary_work"] -= strain
+        state.energy["damping"] += kinetic
+        state.fields[BASE] = state.displacement.copy()
+        state.numbers[SINCE] = state.numbers[BEFORE] = state.time
+        traction = self._equilibrium.forces.tractions(state)
+        for fault in self._model.faults:
+            face = fault.interface
+            state.points[fault.name] = _packed(
+                face.jump(state.displacement), face.rate(state.velocity), np.zeros_like(traction[fault.name]),
+                traction[fault.name],
+            )  # fmt: skip
+
+    def drop_base(self, state: State) -> None:
+        """Remove the base, if there is one, and complete the state as if there had been none; collective."""
+        if not self.has_base(state):
+            return
+        self.advance_bodies(state)
+        if not self.has_base(state):  # the bodies were out of balance
+            return
+        kinetic, strain = self._model.bulk_energies(state)
+        state.energy["boundary_work"] += strain
+        state.energy["damping"] -= kinetic
+        for name in (SINCE, BEFORE):
+            del state.numbers[name]
+        del state.fields[BASE]
+        state.points.clear()
+
+    def energies(self, state: State) -> dict[str, float]:
+        """Return the energies over all ranks [J]; collective."""
+        self.advance_bodies(state)
+        found = self._model.energies(state)
+        if self.has_base(state):
+            found["boundary_work"] += found["strain"]
+            found["damping"] -= found["kinetic"]
+        return found
+
+    def solve(self, state: State, dt: float) -> InterfaceSolution | None:
+        """Return the equilibrium at state.time + dt, with `state` unchanged; collective.
+
+        Returns
+        -------
+        InterfaceSolution or None
+            None where rounding makes it uncertain: the full system then decides.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks: no equilibrium at the interfaces, and so none of the full system, which is equivalent.
+        """
+        solver, jumps = self._solver, self._solver.jumps
+        now, rate, _, base_traction = self._carried(state)
+        base_jump, start = jumps.of(state.fields[BASE]), now + dt * rate + self._gained(state, dt)
+        iterations, outer, uncertain = 0, 0, False
+        for easing in self._equilibrium.easings:
+            step = self._step(state, dt, easing)
+            compliance = solver.compliance(step)
+            solver.clear_history()
+            begin = solver.tractions(step, start)
+            if begin is None:
+                return None
+            driven = base_jump - start
+            for path, part in self._grown(state.numbers[SINCE], step.time):
+                driven += part * path.answer(compliance)[1]
+            p = traction_change(begin.value, base_traction, blockwise_product(compliance.stuck, start - base_jump))
+            driven -= compliance.jumps_under(p)
+            carried, least = self._sizes(step, start)
+            enough = max(TOLERANCE * carried, least)
+            found = solver.balance(step, compliance, start, driven, enough)
+            iterations, outer = iterations + solver.iterations, outer + solver.outer
+            if found is None:
+                continue
+            uncertain, ends = True, start + found.e
+            carried, rounding = self._sizes(step, ends)
+            # Unsupported bodies fly far: rounding counts in proportion to the forces.
+            allowed = max(FAR * carried, 2 * least)
+            accepted = max(enough, min(5 * rounding, allowed))
+            if rounding <= allowed and solver.residual_bound(compliance, found) <= accepted:
+                return InterfaceSolution(
+                    step.driven, np.zeros(0), {name: response.state for name, response in step.responses.items()}, dt,
+                    iterations, outer, list(solver.history), 0.0, self._equilibrium.answers,
+                    jumps={name: jumps.pick(ends, name) for name in step.responses},
+                    tractions={name: response.traction for name, response in step.responses.items()},
+                )  # fmt: skip
+        if not uncertain:
+            raise ConvergenceError(
+                f"no equilibrium at time {state.time + dt:.6g} s, step of {dt:.4g} s: {solver.reason}"
+            )
+        return None
+
+    def _gained(self, state: State, dt: float) -> np.ndarray:
+        """Return the jump gained by slip that accelerates as in the previous step [m]; collective."""
+        gained, longer = {}, 1 + dt / state.numbers["dt_before"]
+        for fault in self._model.faults:
+            rate, mean = (fault.components(state.faults[fault.name], name) for name in ("slip_rate", "mean_slip_rate"))
+            jump = np.zeros(fault.interface.frame.shape[:2])
+            jump[:, int(fault.interface.has_normal) :] = dt * longer * (rate - mean)
+            gained[fault.name] = jump
+        return self._solver.jumps.gather(gained)
+
+    def commit(self, state: State, solution: InterfaceSolution) -> None:
+        """Set the state at the end of the step, except for the bodies, and count the work of the boundaries."""
+        before = self._equilibrium.forces.tractions(state)
+        for fault in self._model.faults:
+            name, face = fault.name, fault.interface
+            jump, traction, dt = solution.jumps[name], solution.tractions[name], solution.dt
+            old, _, _, base_traction = _unpacked(state.points[name])
+            mean = 0.5 * (before[name] + traction)
+            work = float(np.sum((face.owned * face.weight)[:, None] * mean * (jump - old)))
+            state.energy["boundary_work"] += work
+            state.points[name] = _packed(jump, (jump - old) / dt, (traction - before[name]) / dt, base_traction)
+        state.numbers[BEFORE] = state.time
+        solution.commit(state)
+        state.deferred = True
+
+    def advance_bodies(self, state: State) -> None:
+        """Update displacement and velocity of the bodies if they are deferred; collective."""
+        if not state.deferred:
+            return
+        state.deferred = False
+        model, jumps = self._model, self._solver.jumps
+        compliance = self._solver.compliance(self._step(state, 1.0, 1.0))
+        base, since, before = state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE]
+        jump, jump_rate, traction_rate, base_traction = self._carried(state)
+        traction = jumps.gather(self._equilibrium.forces.tractions(state))
+        sticking = blockwise_product(compliance.stuck, jump - jumps.of(base))
+        rate = traction_rate - blockwise_product(compliance.stuck, jump_rate)
+        pulls = traction_change(traction, base_traction, sticking), rate
+        forces = (jumps.force(-pull, len(base)) for pull in pulls)
+        displacement, velocity = compliance.solve_each(forces, 2)
+        displacement += base
+        for path, part in self._grown(since, state.time):
+            displacement += part * path.answer(compliance)[0]
+        for path, part in self._grown(before, state.time):
+            velocity += part / (state.time - before) * path.answer(compliance)[0]
+        free = ~model.loads.prescribed
+        state.displacement[free] = displacement[free]  # driven edges have their prescribed position bitwise
+        state.velocity[:] = velocity
+        self._check(state)
+
+    def _step(self, state: State, dt: float, easing: float) -> Step:
+        """Return a step for its interfaces only."""
+        return Step(self._equilibrium, state, dt, None, np.zeros(0), easing)
+
+    def _grown(self, start: float, end: float) -> Iterator[tuple[LoadPath, float]]:
+        """Yield the loads and motions that have changed between two times [s], and the changes of their amounts."""
+        for path in self._load_paths:
+            part = path.grown(start, end)
+            if part:
+                yield path, part
+
+    def _carried(self, state: State) -> list[np.ndarray]:
+        """Return `CARRIED` at all points, shape (points, local); collective."""
+        found = {name: np.stack(_unpacked(fields), axis=2) for name, fields in state.points.items()}
+        return list(np.moveaxis(self._solver.jumps.gather(found), 2, 0))
+
+    def _sizes(self, step: Step, jump: np.ndarray) -> tuple[float, float]:
+        """Return norms of the forces of interfaces and of their rounding [N]; collective."""
+        ours = step.at_interfaces({f.name: self._solver.jumps.pick(jump, f.name) for f in self._model.faults})
+        carried, stiff = np.sqrt(parallel.total(self._model.comm, list(ours)))
+        return float(carried), float(2 * np.finfo(float).eps * stiff)
+
+    def _check(self, state: State) -> None:
+        """Remove the base if the bodies are out of balance in the full system; collective."""
+        model, forces = self._model, self._equilibrium.forces
+        elastic, load = -model.internal_force(state.displacement), forces.load(state.time)
+        pull = np.zeros_like(load)
+        for fault in model.faults:
+            fault.interface.assemble(forces.tractions(state)[fault.name], pull)
+        reduce = model.layout.reduce_tied
+        residual = np.where(model.loads.prescribed, 0.0, reduce(elastic + pull - load))
+        stiff = self._equilibrium.tangent.diagonal * state.displacement
+        left, rounding, *sizes = np.sqrt(parallel.total(model.comm, [
+            model.layout.owned_dot(each, each) for each in (residual, stiff, *map(reduce, (elastic, pull, load)))
+        ]))  # fmt: skip
+        if left > max(10 * TOLERANCE * max(sizes), min(100 * np.finfo(float).eps * rounding, FAR * max(sizes))):
+            self._log.warning(
+                "bodies are out of balance by %.3g N of %.3g N at %.9g s: the next step is solved as a whole",
+                left, max(sizes), state.time,
+            )  # fmt: skip
+            self.drop_base(state)
+
+
+def _packed(*given: np.ndarray) -> FaultState:
+    """Return one array of shape (n, local) for each of `CARRIED`, component by component."""
+    pairs = zip(CARRIED, given, strict=True)
+    # No field of a law has a dot in its name.
+    return {f"deferred.{name}.{k}": column for name, values in pairs for k, column in enumerate(values.T.copy())}
+
+
+def _unpacked(fields: FaultState) -> list[np.ndarray]:
+    local = len(fields) // len(CARRIED)
+    return [np.stack([fields[f"deferred.{name}.{k}"] for k in range(local)], axis=1) for name in CARRIED]

@@ -1,0 +1,227 @@
+"""PETSc's nonlinear and linear solvers with defaults that need no options, and options of the case.
+
+Small systems are factorised: by MUMPS, or by PETSc's own LU on one rank where MUMPS is missing. Large ones are solved
+by CG, or by GMRES while the matrix is unsymmetric, with algebraic multigrid (GAMG) and rigid motions as near null
+space.
+"""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ruptfx.input.schema import CaseError
+from ruptfx.platform import fem, parallel
+from ruptfx.stepping.implicit.options import PetscOptions
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.mechanisms.system import System
+    from ruptfx.stepping.implicit.step import Step
+    from ruptfx.stepping.implicit.tangent import Tangent
+
+# Number of unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
+DIRECT = {2: 400_000, 3: 60_000}
+TOLERANCE = 1e-10
+MAX_NEWTON = 30
+
+_numbers = count()
+
+
+class CaseOptions:
+    """PETSc options of a case under a private prefix; unused options are reported.
+
+    As a context it adds the options to PETSc's database; solvers read some of them at their first use.
+
+    Parameters
+    ----------
+    given : dict
+        Names without leading dash; ``true`` is an option without value.
+    defaults : dict, optional
+        Options that `given` overrides and that may remain unused.
+    """
+
+    def __init__(self, given: PetscOptions, defaults: PetscOptions | None = None) -> None:
+        self.given, self.prefix = dict(given), f"ruptfx{next(_numbers)}_"
+        self._all = {**(defaults or {}), **self.given}
+        self.unread = ""
+
+    def __enter__(self) -> CaseOptions:
+        database: Any = fem.PETSc.Options()
+        for name, value in self._all.items():
+            database.setValue(self.prefix + name, None if value is True else value)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        database = fem.PETSc.Options()
+        unread = [name for name in self.given if not fem.option_was_read(self.prefix + name)]
+        self.unread = f"stepper.petsc_options.{unread[0]} = {self.given[unread[0]]!r}" if unread else ""
+        for name in self._all:
+            database.delValue(self.prefix + name)
+
+
+class NewtonSolver:
+    """Solver of the full system: SNES, KSP and PC for the matrix of bodies and interfaces.
+
+    Parameters
+    ----------
+    model : System
+    tangent : Tangent
+        Makes the matrix.
+    options : dict
+        PETSc options of the case.
+
+    Attributes
+    ----------
+    history : list of float
+        Norm of the residual after every iteration of the last solve [N].
+    iterations : int
+        Iterations of the last solve.
+    """
+
+    outer = 1
+    """A solve is one iteration of the multipliers."""
+
+    def __init__(self, model: System, tangent: Tangent, options: PetscOptions) -> None:
+        self._options = CaseOptions(options, {"mat_mumps_icntl_14": 50})  # room for fill that grows with pivoting
+        self._model, self._tangent = model, tangent
+        self._step: Step
+        self._owned, self._ghosted = model.owned_nodes * model.components, fem.dolfinx.fem.Function(model.space)
+        self._once = np.repeat(model.layout.once[: model.owned_nodes], model.components)
+        self.history: list[float] = []
+        self.iterations = 0
+        matrix = tangent.matrix
+        self._unknown = matrix.createVecRight()
+        snes: Any = fem.PETSc.SNES()  # its annotations refuse mpi4py's communicators
+        self.snes = snes.create(model.comm)
+        self.snes.setOptionsPrefix(self._options.prefix)
+        self.snes.setFunction(fem.callback(self._function), matrix.createVecLeft())
+        self.snes.setJacobian(fem.callback(self._differentiate), matrix, matrix)
+        self.snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=0.0, max_it=MAX_NEWTON)
+        self.snes.setConvergenceTest(fem.callback(self._converged))
+        self._ksp = self.snes.getKSP()
+        self._multigrid = not choose(self._ksp, model, matrix)
+        self._ready = False
+
+    def solve(self, step: Step, u: np.ndarray) -> bool:
+        """Solve `step` from `u` and evaluate it there; return whether it has an equilibrium; collective.
+
+        Raises
+        ------
+        CaseError
+            Unused options of the case.
+        """
+        self._step, self.history = step, []
+        self._unknown.array[:] = u[: self._owned]
+        with nullcontext() if self._ready else self._options:
+            if not self._ready:
+                self.snes.setFromOptions()
+            self.snes.solve(None, self._unknown)
+        if not self._ready and self._options.unread:
+            raise CaseError(
+                f"{self._options.unread}: the solvers in use (SNES {self.snes.getType()}, KSP {self._ksp.getType()}, "
+                f"PC {self._ksp.getPC().getType()}) have no such option; correct or remove it"
+            )
+        self._ready = True
+        self.iterations = self.snes.getIterationNumber()
+        if self.snes.getConvergedReason() <= 0:
+            return False
+        self._visit(step, self._unknown.array_r)
+        # Options of the case may let SNES end without a test, as snes_type = "ksponly" does.
+        rtol, atol, _, _ = self.snes.getTolerances()
+        left = np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(step.residual, step.residual)))
+        return bool(left <= max(step.enough(rtol), atol))
+
+    def _visit(self, step: Step, unknown: np.ndarray) -> None:
+        """Evaluate the step at the owned unknowns unless that was done last; collective."""
+        at = step.displacement[: self._owned]
+        new = len(at) == 0 or not np.array_equal(at[self._once], unknown[self._once])
+        if parallel.anywhere(self._model.comm, new):
+            self._ghosted.x.array[: self._owned] = unknown
+            self._ghosted.x.scatter_forward()
+            self._model.layout.equalise(self._ghosted.x.array)
+            step.evaluate(self._ghosted.x.array)
+
+    def _function(self, _: fem.PETSc.SNES, x: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
+        """Evaluate R(u) for SNES."""
+        self._visit(self._step, x.array_r)
+        out.array[:] = self._step.residual[: self._owned]
+
+    def _differentiate(self, _: fem.PETSc.SNES, x: fem.PETSc.Vec, *matrices: fem.PETSc.Mat) -> None:
+        """Evaluate dR/du for SNES."""
+        step = self._step
+        self._visit(step, x.array_r)
+        reactions = [reaction for _, _, reaction in step.reactions]
+        symmetric = self._tangent.update(*step.key[:2], step.tangents, driven=self._tangent.unit, reactions=reactions)
+        # CG or GMRES, unless the case says otherwise or the matrix is factorised.
+        if symmetric is not None and self._multigrid and "ksp_type" not in self._options.given:
+            self._ksp.setType("cg" if symmetric else "gmres")
+
+    def _converged(self, snes: fem.PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
+        """Test the norm of the residual against that of the forces, as balancing forces may be zero at the start."""
+        norm = norms[2]
+        self.history.append(norm)
+        rtol, atol, _, _ = snes.getTolerances()
+        reasons = fem.PETSc.SNES.ConvergedReason
+        if norm <= max(self._step.enough(rtol), atol):
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return None
+
+    @property
+    def reason(self) -> str:
+        """Return PETSc's name of the reason why the last solve ended."""
+        code = self.snes.getConvergedReason()
+        text = _name(fem.PETSc.SNES.ConvergedReason, code)
+        return f"{text} ({_name(fem.PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
+
+
+def has_mumps() -> bool:
+    """Return whether PETSc was built with MUMPS."""
+    return bool(fem.PETSc.Sys.hasExternalPackage("mumps"))
+
+
+def is_factorised(model: System) -> bool:
+    """Return whether the default for the matrices of a model is a factorisation."""
+    unknowns = model.total_nodes * model.components
+    return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
+
+
+def choose(ksp: fem.PETSc.KSP, model: System, matrix: fem.PETSc.Mat) -> bool:
+    """Set the defaults for a matrix; return whether they are a factorisation."""
+    pc = ksp.getPC()
+    if is_factorised(model):
+        ksp.setType("preonly")
+        pc.setType("lu")
+        if has_mumps():
+            pc.setFactorSolverType("mumps")
+        return True
+    ksp.setType("cg")
+    ksp.setTolerances(rtol=1e-7, max_it=2000)
+    pc.setType("gamg")
+    matrix.setNearNullSpace(rigid_motions(model, matrix))
+    return False
+
+
+def _name(reasons: object, code: int) -> str:
+    return next((name for name, value in vars(reasons).items() if value == code and name.isupper()), str(code))
+
+
+def rigid_motions(model: System, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
+    """Return translations and rotations of the owned unknowns, as the near null space of a stiffness."""
+    x, c = model.coordinates[: model.owned_nodes], model.components
+    modes = [np.tile(np.eye(c)[k], (len(x), 1)) for k in range(c)]
+    for i, j in {2: [(0, 1)], 3: [(0, 1), (1, 2), (2, 0)]}.get(c, []):
+        turn = np.zeros((len(x), c))
+        turn[:, i], turn[:, j] = -x[:, j], x[:, i]
+        modes.append(turn)
+    vectors: list[fem.PETSc.Vec] = []
+    for mode in modes:
+        vector = matrix.createVecRight()
+        vector.array[:] = mode.ravel()
+        for other in vectors:  # orthonormal, as PETSc wants them
+            vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+        vectors.append(vector)
+    return fem.PETSc.NullSpace().create(vectors=vectors, comm=model.comm)

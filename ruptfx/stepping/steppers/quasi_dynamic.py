@@ -1,0 +1,428 @@
+"""Equilibrium with radiation damping: explicit Runge-Kutta steps of slip and of the state of friction laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from scipy.integrate import RK45
+from scipy.linalg import lu_factor, lu_solve
+
+from ruptfx.input.fields import MONITORS, Moment
+from ruptfx.input.schema import CaseError
+from ruptfx.input.units import Duration, Fraction
+from ruptfx.interfaces.faults import point_step
+from ruptfx.interfaces.faults.points import frictional_power
+from ruptfx.interfaces.faults.projection import Resistance, StrengthAtState, solved
+from ruptfx.laws.contact import Way
+from ruptfx.laws.friction import AT_REST
+from ruptfx.platform import parallel
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit.compliance import Compliance, Jumps, norm
+from ruptfx.stepping.implicit.condensed import MAX_UNKNOWNS, fits
+from ruptfx.stepping.implicit.solution import Solution
+from ruptfx.stepping.implicit.solvers import TOLERANCE
+from ruptfx.stepping.steppers import Stepper
+from ruptfx.stepping.steppers._evolution import evolution_of
+from ruptfx.stepping.steppers._slow import SlowMotion
+
+if TYPE_CHECKING:
+    from ruptfx.bodies.state import FaultState, State
+    from ruptfx.interfaces.faults.fault import Fault
+    from ruptfx.interfaces.mechanisms.system import System
+
+MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
+OPENS = 0.01  # part of its initial normal stress below which a fault counts as opening
+LEAST = 1e-14  # smallest step over time, close to rounding
+IMMOBILE = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
+
+
+class QuasiDynamic(Stepper):
+    """Quasi-dynamic equilibrium with radiation damping: adaptive Runge-Kutta steps of slip and state.
+
+    Bodies are linear, so that a matrix computed once gives the tractions from slip:
+
+        tau = tau_0 + tau_F(t) - K s,   ds/dt = V along tau,   dtheta/dt of the law,
+        V >= 0,   strength(V, theta) + eta V >= |tau|,   V [strength(V, theta) + eta V - |tau|] = 0
+
+    with eta the impedance of waves into both sides (Rice 1993) and theta all state variables of the law. A point
+    with strength at rest sticks below it; a creeping law has none and slides at any traction. The step size follows
+    the errors of slip over D_c and of ln theta, the largest of all points, or for laws with other states those of slip
+    over their shortest length and of the friction coefficient; the order is five. While points slide under laws
+    without a direct effect, steps are limited to a few times that of a wave across an element. `quasi_static` needs
+    more steps for cycles, and handles contact that opens, attachments and bodies that are not linear.
+    Source: Dormand and Prince (1980).
+    """
+
+    time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
+    supports_ties: ClassVar[bool] = True
+    inertia: ClassVar[bool] = False
+    adaptive: ClassVar[bool] = True
+    sliding: ClassVar[bool] = False
+    cohesion: ClassVar[bool] = False
+    gap: ClassVar[bool] = False
+    elastic_contact_only: ClassVar[bool] = True
+
+    tolerance: Fraction = 1e-4
+    """Tolerance of a step: error of slip over D_c, and of ln(age) or, for other states, of the friction coefficient."""
+    first_step: Duration | None = None
+    """First time step; default: the step in which the fastest point slips a hundredth of its D_c."""
+    largest_step: Duration | None = None
+    """Largest time step; default: a hundredth of the duration."""
+
+    def bind(self, model: System) -> QuasiDynamicMotion:
+        return QuasiDynamicMotion(model, self)
+
+
+class QuasiDynamicMotion(SlowMotion):
+    """Steps bound to a model; all ranks know slip and state of all points, each evaluates the laws of its own."""
+
+    def __init__(self, model: System, stepper: QuasiDynamic) -> None:
+        super().__init__(model, True)
+        if not fits(model):
+            raise CaseError(
+                f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MAX_UNKNOWNS} "
+                "unknowns of all faults; use 'quasi_static', or fewer nodes"
+            )
+        self._stepper, self._jumps = stepper, Jumps(model)
+        self._unbalanced: ConvergenceError | None = None
+        self._greatest = stepper.largest_step or model.case.duration / 100
+        local, self._shear = self._jumps.local, slice(int(model.faults[0].interface.has_normal), None)
+        stuck = {
+            fault.name: self.equilibrium.body_stiffness(fault.interface, None)[:, None, None] * np.eye(local)
+            for fault in model.faults
+        }
+        self._bodies = Compliance(model, self._jumps, self.equilibrium.tangent, (0.0, 0.0), stuck)
+        self._strengths = {fault.name: StrengthAtState(fault.friction) for fault in model.faults}
+        self._evolutions = {fault.name: evolution_of(model, fault) for fault in model.faults}
+        self._states = max(evolution.columns for evolution in self._evolutions.values())
+        self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
+        self._make_matrices()
+        time = self._time_of_loads()
+        self._reference = self._loads(time), self._jump_under(self._loads(time), time)
+        self.dt = min(stepper.first_step or self._first_step(), self._greatest)
+
+    def _make_matrices(self) -> None:
+        """Compute tractions per jump of loaded bodies with stuck faults, and per slip.
+
+        With k the stiffness of stuck faults in A and g_F = J A^-1 F the jump under the loads, bodies have the jump
+        g = g_F - S (t - k g) under tractions t; contact of compliance c has g = s + c t. Hence
+        (S (1 - k c) + c) t = g_F - (1 - S k) s.
+        """
+        jumps, bodies = self._jumps, self._bodies
+        size = jumps.points * jumps.local
+        S = bodies.blocks.transpose(2, 0, 3, 1).reshape(size, size)
+        k = np.diagonal(bodies.stuck, axis1=1, axis2=2).ravel()
+        self._compliance = self._of_all(compliance)
+        c = self._compliance.ravel()
+        factors = lu_factor(S * (1 - k * c) + np.diag(c), overwrite_a=True)
+        self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
+        own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, self._shear]
+        self._prescribed = np.any(own < IMMOBILE * own.max(), axis=1)
+
+    def _time_of_loads(self) -> float:
+        """Return the first of the largest step, its double and so on at which loads act [s]; collective.
+
+        It does not depend on the duration, because products with the jump at this time must be bitwise the same in a
+        run that is made longer.
+        """
+        time = self._greatest
+        while time < self.model.case.duration:
+            if parallel.anywhere(self.model.comm, any(bool(each.any()) for each in self._loads(time))):
+                break
+            time *= 2
+        return time
+
+    def _first_step(self) -> float:
+        fastest = self._of_all(lambda fault: self._carried_rate(fault, fault.initial_state()))
+        rate = float((fastest / self._D_c).max(initial=0.0))
+        return parallel.three_digits(0.01 / rate) if rate > 0 else self._greatest
+
+    def _initial_guess(self, fault: Fault, fields: FaultState) -> np.ndarray:
+        """Return slip rates as first iterates of Newton's method [m/s], shape (n,).
+
+        A point at rest begins at the rate of `_carried_rate`.
+        """
+        speed = speed_of(fault, fields)
+        return np.where(speed > AT_REST, speed, self._carried_rate(fault, fields))
+
+    def _carried_rate(self, fault: Fault, fields: FaultState) -> np.ndarray:
+        """Return the slip rate at which the law carries the traction, at most that which radiates all of it [m/s]."""
+        shear = np.linalg.norm(fault.components(fields, "shear_traction"), axis=1)
+        with np.errstate(all="ignore"):
+            state = {name: fields[name] for name in fault.friction.all_state_fields()}
+            law = fault.friction.carried_slip_rate(shear, fields["normal_stress"], state)
+            carried = np.fmin(law, shear / self.radiation[fault.name])
+        return np.nan_to_num(carried, nan=0.0)
+
+    def _of_all(self, ask: Callable[[Fault], np.ndarray]) -> np.ndarray:
+        """Return values of all points from a function of each fault; collective."""
+        return self._jumps.gather({fault.name: ask(fault) for fault in self.model.faults})
+
+    def _variables(self, fault: Fault, fields: FaultState) -> np.ndarray:
+        """Return the state variables of a fault, shape (n, states); zero where another fault has more of them."""
+        variables = self._evolutions[fault.name].variables(fields)
+        return np.pad(variables, ((0, 0), (0, self._states - variables.shape[1])))
+
+    def _agreed(self, values: np.ndarray) -> np.ndarray:
+        """Return the values of the first rank, as products differ in their last digits; collective."""
+        comm = self.model.comm
+        agreed: np.ndarray = values if comm.size == 1 else comm.bcast(values, root=0)
+        return agreed
+
+    def step(self, state: State) -> None:
+        """Make one step within the tolerance; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks, with an unchanged state: a point without a slip rate that balances its traction, no step short
+            enough, or a fault that opens.
+        """
+        self._refuse_to_open(state)
+        dt = min(state.numbers.get("dt", self.dt), self._greatest)
+        slip = self._of_all(lambda fault: fault.components(state.faults[fault.name], "slip"))
+        start = np.column_stack([slip, self._of_all(lambda fault: self._variables(fault, state.faults[fault.name]))])
+        self._guess = self._of_all(lambda fault: self._initial_guess(fault, state.faults[fault.name]))
+        while True:
+            end, answer, error = self._attempt(state.time, dt, start)
+            if error <= 1:
+                break
+            dt *= max(MOST_SHRINKING, SAFETY * error**-0.2)
+            if dt < LEAST * (state.time + self._greatest):
+                raise ConvergenceError(
+                    f"no step is short enough at time {state.time:.9g} s, down to {dt:.3g} s; use stepper.kind = "
+                    "'quasi_static'"
+                )
+        solution = self._solution(state, dt, end, *answer)
+        self.count_radiation(state, solution)
+        self.take(state, solution)
+        state.numbers["dt"] = dt * min(MOST_GROWTH, SAFETY * max(error, 1e-10) ** -0.2)
+
+    def _refuse_to_open(self, state: State) -> None:
+        for fault in self.model.faults:
+            opens = state.faults[fault.name]["normal_stress"] < OPENS * fault.normal_stress_0
+            if parallel.anywhere(self.model.comm, bool(opens.any())):
+                raise ConvergenceError(
+                    f"faults.{fault.name} opens at time {state.time:.9g} s: less than {OPENS:.0%} of its initial "
+                    "normal stress is left; use stepper.kind = 'quasi_static'"
+                )
+
+    def _attempt(
+        self, time: float, dt: float, start: np.ndarray
+    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
+        """Return slip and state, tractions and slip rates at the end of a step, and the error over the tolerance."""
+        loaded, later = self._loaded_jump(time), self._loaded_jump(time + dt)
+        growth = (later - loaded) / dt  # loads are linear in time over a step
+        slopes = np.zeros((len(RK45.B) + 1, *start.shape))
+        for stage, weights in enumerate([*RK45.A, RK45.B]):
+            y = start + dt * np.tensordot(weights[:stage], slopes[:stage], 1)
+            part = RK45.C[stage] if stage < len(RK45.C) else 1.0
+            slopes[stage], *answer = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
+            if stage == 0 and not np.isfinite(slopes[0]).all():  # no step is short enough
+                parallel.raise_on_all(self.model.comm, self._unbalanced)
+        wrong = np.abs(dt * np.tensordot(RK45.E, slopes, 1))
+        shear = y.shape[1] - self._states
+        wrong[:, :shear] /= self._D_c[:, None]
+        wrong[:, shear:] = self._of_all(lambda fault: self._errors(fault, time + dt, y, wrong, *answer))
+        error = float(self._agreed(wrong.max(initial=0.0))) / self._stepper.tolerance
+        return self._agreed(y), (answer[0], answer[1]), error if np.isfinite(error) else np.inf
+
+    def _errors(
+        self, fault: Fault, time: float, y: np.ndarray, wrong: np.ndarray, traction: np.ndarray, rate: np.ndarray
+    ) -> np.ndarray:
+        """Return relative errors of the state variables of a fault, shape (n, states), from those of all points."""
+        shear, evolution = y.shape[1] - self._states, self._evolutions[fault.name]
+        end, off, traction, rate = (self._jumps.pick(each, fault.name) for each in (y, wrong, traction, rate))
+        here = slice(shear, shear + evolution.columns)
+        pressure, _ = self._stresses(fault, time, traction)
+        found = evolution.errors(end[:, here], off[:, here], np.linalg.norm(rate, axis=1), pressure)
+        return np.pad(found, ((0, 0), (0, self._states - evolution.columns)))
+
+    def _slope(
+        self, time: float, loaded: np.ndarray, growth: np.ndarray, y: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rates of slip and state, tractions beyond the initial ones, and slip rates of all points.
+
+        Shapes (points, tangents + states), (points, local) and (points, tangents); NaN without a rate, or on opening.
+        """
+        shear = y.shape[1] - self._states
+        slip = self._with_normal(y[:, :shear])
+        traction = self._by_jump @ loaded.ravel() - self._by_slip @ slip.ravel()
+        traction = self._agreed(traction.reshape(slip.shape))
+        found, self._unbalanced = {}, None
+        with np.errstate(all="ignore"):  # trial steps that are too long
+            for fault in self.model.faults:
+                whole = (y[:, shear:], traction, growth, self._guess, self._prescribed)
+                found[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
+        columns = self._jumps.gather(found)
+        rate, ageing, traction = np.split(columns, np.cumsum([shear, self._states]), axis=1)
+        speed = np.linalg.norm(rate, axis=1)
+        self._guess = np.where(np.isfinite(speed), speed, self._guess)
+        return np.concatenate([rate, ageing], axis=1), traction, rate
+
+    def _answer(
+        self, fault: Fault, time: float, variables: np.ndarray, traction: np.ndarray, growth: np.ndarray,
+        guess: np.ndarray, prescribed: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """Return slip rate, rates of the state variables and traction of the points of one fault, in columns."""
+        evolution, eta, strength = self._evolutions[fault.name], self.radiation[fault.name], self._strengths[fault.name]
+        state, traction = evolution.state(variables[:, : evolution.columns]), traction.copy()
+        pressure, shear = self._stresses(fault, time, traction)
+        size = np.linalg.norm(shear, axis=1)
+
+        # Radiation is the same in all directions: one scalar equation for |tau|.
+        trial = point_step.shifted_trial([size], [eta], [np.zeros_like(size)], 1.0)
+
+        def resistance(rate: np.ndarray) -> Resistance:
+            return *strength(rate, pressure, state), rate  # the law sees V itself
+
+        speed = solved(trial, pressure, pressure, pressure > 0, resistance, guess).rate
+        speed = np.where(pressure > 0, speed, np.nan)
+        wrong = np.flatnonzero(np.isnan(speed) & ~prescribed)
+        if len(wrong):
+            values = {
+                "shear traction": size, "normal stress": pressure, "strength at rest": resistance(0 * size)[0],
+                "strength at the slip rate that radiates all traction": resistance(trial.free_rate)[0],
+            }  # fmt: skip
+            self._unbalanced = self._error(fault, time, wrong[0], values)
+        rate = speed[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
+        if prescribed.any():
+            # Slip follows the bodies there, and friction gives the traction.
+            rate = np.where(prescribed[:, None], growth[:, self._shear], rate)
+            speed = np.linalg.norm(rate, axis=1)
+            carried = (strength(speed, pressure, state)[0] + eta * speed)[:, None] * rate
+            carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
+            traction[:, self._shear] = np.where(prescribed[:, None], carried, traction[:, self._shear])
+        changing = evolution.rates(state, np.maximum(speed, AT_REST), pressure)
+        unused = np.zeros((len(speed), self._states - evolution.columns))
+        return np.column_stack([rate, changing, unused, traction])
+
+    @staticmethod
+    def _error(fault: Fault, time: float, point: int, values: dict[str, np.ndarray]) -> ConvergenceError:
+        """Return the error for a point without a slip rate."""
+        where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
+        listed = ", ".join(f"{name} {value[point]:.6g} Pa" for name, value in values.items())
+        return ConvergenceError(
+            f"no slip rate solves |shear traction| = strength + eta V at point {fault.interface.number[point]} of "
+            f"fault '{fault.name}' at ({where}) m, time {time:.9g} s: {listed}; check faults.{fault.name}.friction, or "
+            "use stepper.kind = 'quasi_static'"
+        )
+
+    def _stresses(self, fault: Fault, time: float, traction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal stress and shear traction [Pa], shapes (n,) and (n, tangents), from changes of traction."""
+        pressure = fault.normal_stress_0 - (traction[:, 0] if fault.interface.has_normal else 0.0)
+        return pressure, fault.driving_shear(time) + traction[:, self._shear]
+
+    def _with_normal(self, slip: np.ndarray) -> np.ndarray:
+        """Return slip with a zero normal component where faults have one, shape (points, local)."""
+        whole = np.zeros((self._jumps.points, self._jumps.local))
+        whole[:, self._shear] = slip
+        return whole
+
+    def _loaded_jump(self, time: float) -> np.ndarray:
+        """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
+
+        For proportional loads, such as plates with a constant velocity, it is a multiple of the jump at a reference
+        time.
+        """
+        model, dot, (last, jump) = self.model, self.model.layout.owned_dot, self._reference
+        given = self._loads(time)
+        products = [[dot(new, old), dot(old, old)] for new, old in zip(given, last, strict=True)]
+        along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))
+        part = float(along / square) if square > 0 else 0.0
+        same = all(np.allclose(new, part * old, 1e-12, 0.0) for new, old in zip(given, last, strict=True))
+        return self._jump_under(given, time) if parallel.anywhere(model.comm, not same) else np.asarray(part * jump)
+
+    def _loads(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return nodal forces [N] and the displacement of driven edges [m]."""
+        model = self.model
+        return self.equilibrium.forces.load(time), model.loads.moved(np.zeros(len(model.mass)), 0.0, time)
+
+    def _jump_under(self, given: tuple[np.ndarray, np.ndarray], time: float) -> np.ndarray:
+        """Return the jump of `_loaded_jump` by a solution for the given loads."""
+        moved = given[1]
+        return self._jumps.of(self._balanced(moved, time, self._of_stuck(self._jumps.of(moved))))
+
+    def _of_stuck(self, jump: np.ndarray) -> np.ndarray:
+        """Return k times a jump [Pa], both of shape (points, local)."""
+        return np.asarray(np.einsum("pij,pj->pi", self._bodies.stuck, jump))
+
+    def _balanced(self, u: np.ndarray, time: float, push: np.ndarray) -> np.ndarray:
+        """Return the displacement in equilibrium with the loads of a time [m], from one with driven edges in place.
+
+        Parameters
+        ----------
+        push : ndarray, shape (points, local)
+            t - k (g - J u), with the tractions t and the jump g at the end [Pa].
+        """
+        force = self.equilibrium.forces.load(time) + self.model.internal_force(u)
+        return np.asarray(u + self._bodies.solve(force - self._jumps.force(push, len(u))))
+
+    def _solution(
+        self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
+    ) -> Solution:
+        """Return the solution of a step from slip and state, tractions and slip rates at its end."""
+        model, jumps, time = self.model, self._jumps, state.time + dt
+        jump = self._with_normal(end[:, : end.shape[1] - self._states]) + self._compliance * traction
+        moved = model.loads.moved(state.displacement, state.time, time)
+        u = self._balanced(moved, time, traction - self._of_stuck(jump - jumps.of(moved)))
+        internal = jumps.force(traction, len(u)) - model.internal_force(u)
+        self._require_balance(u, internal, time)
+        faults = {}
+        for fault in model.faults:
+            given = (jumps.pick(each, fault.name) for each in (end, traction, rate))
+            faults[fault.name] = self._fields(fault, state, dt, *given)
+        return Solution(u, internal, faults, dt, 0, 1, [], 0.0, self.equilibrium.answers)
+
+    def _require_balance(self, u: np.ndarray, internal: np.ndarray, time: float) -> None:
+        """Check that free nodes are in equilibrium after two linear solves; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks.
+        """
+        model, load = self.model, self.equilibrium.forces.load(time)
+        internal, load = model.layout.reduce_tied(internal), model.layout.reduce_tied(load)
+        residual = np.where(model.loads.prescribed, 0.0, internal - load)
+        left, *sizes = (norm(model, each) for each in (residual, internal, load))
+        allowed = max(10 * TOLERANCE * max(sizes), self.equilibrium.rounding(u))
+        if not left <= allowed:
+            raise ConvergenceError(
+                f"bodies are out of balance by {left:.3g} N of {max(sizes):.3g} N at time {time:.9g} s, {allowed:.3g} "
+                "N is allowed: their stiffness cannot be factorised well; let boundaries hold every body, or use "
+                "stepper.kind = 'quasi_static'"
+            )
+
+    def _fields(
+        self, fault: Fault, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
+    ) -> FaultState:
+        """Return the fields of one fault at the end of a step."""
+        old, time = state.faults[fault.name], state.time + dt
+        pressure, shear = self._stresses(fault, time, traction)
+        shear_columns, evolution = end.shape[1] - self._states, self._evolutions[fault.name]
+        slip, variables = end[:, :shear_columns], end[:, shear_columns : shear_columns + evolution.columns]
+        new = fault.state_of({
+            "normal_stress": pressure, "opening": np.zeros(len(slip)), "slip": slip, "slip_rate": rate,
+            "mean_slip_rate": (slip - fault.components(old, "slip")) / dt, "shear_traction": shear,
+        }) | evolution.state(variables)  # fmt: skip
+        at = Moment(
+            time=time, since=dt, speed=np.linalg.norm(rate, axis=1), speed_then=speed_of(fault, old),
+            normal_stress=pressure, normal_stress_then=old["normal_stress"], closed=pressure > 0,
+            has_strength=fault.has_strength, power=frictional_power(fault, old, new, dt), duration=dt,
+            threshold=fault.threshold_at(time, self.model.case.output.rupture_threshold),
+        )  # fmt: skip
+        return new | {monitor.name: np.asarray(monitor.update(old[monitor.name], at)) for monitor in MONITORS}
+
+
+def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:
+    """Return the slip rate [m/s], shape (n,)."""
+    return np.asarray(np.linalg.norm(fault.components(fields, "slip_rate"), axis=1))
+
+
+def compliance(fault: Fault) -> np.ndarray:
+    """Return the jump per traction of the contact [m/Pa], shape (n, local)."""
+    normal, shear = (1 / each for each in fault.contact.stiffness())
+    return np.tile([normal] * fault.interface.has_normal + [shear] * fault.tangents, (len(fault.interface.plus), 1))
