@@ -24,7 +24,6 @@ lint: env ## style, types, import contract
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/lint-imports --no-cache --config .ci/typing_imports.toml
 
 # Two processes, each with whole files: some need a minute for what their tests share.
 EVERY_KEY := tests/contracts/test_every_key.py

@@ -11,6 +11,8 @@ import os
 from importlib import import_module
 from typing import Any, ClassVar
 
+from ruptfx.platform import former_modules
+
 # MPI ranks are the parallelism: threads inside NumPy would only get in each other's way. Before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -18,6 +20,8 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 Table = dict[str, Any]  # with text as keys, as in TOML and JSON
 
 __version__ = "0.1.0"
+
+former_modules.install()
 
 _PUBLIC = {
     "Case": "ruptfx.case",

@@ -204,7 +204,8 @@ class Figures(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         self.env.note_reread()  # made from the code, whatever files of docs changed
-        return self.parse_text_to_nodes("".join(f".. autofunction:: ruptfx.results.plots.{name}\n\n" for name in plots.FIGURES))
+        functions = (f".. autofunction:: ruptfx.results.plots.{name}\n\n" for name in plots.FIGURES)
+        return self.parse_text_to_nodes("".join(functions))
 
 
 class Support(Directive):

@@ -15,7 +15,7 @@ from pathlib import Path
 from ruptfx import Table
 from ruptfx.app.check_law.examples import tables
 from ruptfx.app.reference.describe import Entry
-from ruptfx.input.schema import Part, alternatives
+from ruptfx.input.schema import Part, alternatives, package_of
 
 ROOT = Path(__file__).parents[2]
 WRITTEN = ROOT / "docs" / "reference" / "examples.toml"
@@ -61,7 +61,7 @@ def example(topic: str, entry: Entry) -> tuple[str, str]:
         return f"{key}{declared}\n" if declared else "", ""
     if declared:
         table = tomllib.loads(f"table = {declared}")["table"]
-    elif (cls := alternatives(f"ruptfx.{topic}").get(entry.name)) is not None:
+    elif (cls := alternatives(package_of(topic)).get(entry.name)) is not None:
         table = {"kind": entry.name, **_made(cls)}
     else:
         return "", ""

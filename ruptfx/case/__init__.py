@@ -29,6 +29,7 @@ from ruptfx.input.schema import (
     json_schema,
     kinds,
     nearest,
+    package_of,
     set_key,
     shown_key,
     value_at,
@@ -731,7 +732,7 @@ def override(table: Table, item: str) -> None:
 
 def case_schema() -> Table:
     """Return the JSON schema of a case file: of a field run, or with a top-level ``kind`` of a lumped model."""
-    schema = json_schema(Case, [f"ruptfx.{folder}" for folder in (*FOLDERS, "lumped")])
+    schema = json_schema(Case, [package_of(folder) for folder in (*FOLDERS, "lumped")])
     definitions = schema.pop("$defs")
     definitions["case"] = schema
     bare = find("ruptfx.stepping.steppers", "leapfrog").model_json_schema()  # as the case reads one without a kind

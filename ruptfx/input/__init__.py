@@ -1,1 +1,1 @@
-"""Numbers with units and columns of numbers, from text."""
+"""From text to checked values: parts and alternatives, units, plug-ins, files of numbers, profiles."""

@@ -337,7 +337,7 @@ class CaseFile(Part):
         return type(self)(**table)
 
     def _repr_html_(self) -> str:
-        from ruptfx.results.notebook import shown_part
+        from ruptfx.input.notebook import shown_part
 
         return shown_part(self)
 

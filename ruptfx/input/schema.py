@@ -1,8 +1,8 @@
 """Conversion of case files to objects: strict parts, alternatives found by file name, errors that name the key.
 
 A `Part` is one table of a case file. An `Alternative` is a part chosen by `kind`, and its kind is the name of the
-file it lives in: `ruptfx/friction/coulomb.py` is ``kind = "coulomb"``; there is no registry. Furthermore,
-installed packages offer alternatives by entry points, ``[project.entry-points."ruptfx.laws.friction"]``, and a case may name
+file it lives in: `ruptfx/laws/friction/coulomb.py` is ``kind = "coulomb"``; there is no registry. Furthermore,
+installed packages offer alternatives by entry points, ``[project.entry-points."ruptfx.friction"]``, and a case may name
 plug-ins (`ruptfx.input.plugins`).
 """
 
@@ -404,10 +404,37 @@ def home(cls: type) -> str | None:
     return None
 
 
+@cache
+def directory_of(folder: str) -> Path:
+    """Return where a folder of alternatives is, in one of the rooms of the package.
+
+    Raises
+    ------
+    FileNotFoundError
+        No room has it.
+    """
+    root = Path(__file__).parents[1]
+    for init in (*root.glob(f"*/{folder}/__init__.py"), root / folder / "__init__.py"):
+        if init.is_file():
+            return init.parent
+    raise FileNotFoundError(f"no folder {folder} in the rooms of {root}")
+
+
+def package_of(folder: str) -> str:
+    """Return the package of a folder of alternatives, ``ruptfx.laws.friction`` for ``friction``."""
+    root = Path(__file__).parents[1]
+    return ".".join((root.name, *directory_of(folder).relative_to(root).parts))
+
+
 def own_kinds(package: str) -> list[str]:
-    """Return the names of the files in a folder of alternatives."""
-    path = importlib.import_module(package).__path__
-    return sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+    """Return the names of the files in a folder of alternatives, without those that its kinds share.
+
+    The tuple `SHARED` of a folder names the files that other rooms use, too; the names of others begin with ``_``.
+    """
+    folder = importlib.import_module(package)
+    shared = getattr(folder, "SHARED", ())
+    names = (module.name for module in pkgutil.iter_modules(folder.__path__))
+    return sorted(name for name in names if not name.startswith("_") and name not in shared)
 
 
 @cache
@@ -419,9 +446,14 @@ def offered() -> dict[str, dict[str, EntryPoint]]:
     return found
 
 
+def group_of(package: str) -> str:
+    """Return the group of entry points of a folder: ``ruptfx.friction`` for friction laws, wherever the folder is."""
+    return f"ruptfx.{package.rpartition('.')[2]}"
+
+
 def installed(package: str) -> dict[str, EntryPoint]:
     """Return the entry points of installed packages for a folder, by kind."""
-    return offered().get(package, {})
+    return offered().get(group_of(package), {})
 
 
 def kinds(package: str) -> list[str]:
@@ -442,7 +474,7 @@ def from_outside(package: str, kind: str) -> type | None:
     entry = installed(package).get(kind)
     if entry is None:
         return None
-    offer = f"entry point {package} '{kind}' of {entry.dist.name if entry.dist else 'a package'}"
+    offer = f"entry point {group_of(package)} '{kind}' of {entry.dist.name if entry.dist else 'a package'}"
     if kind in own_kinds(package):
         raise RuptfxError(f"{offer}: would hide the '{kind}' that is there already; uninstall it")
     try:

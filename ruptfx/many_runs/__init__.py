@@ -1,1 +1,1 @@
-"""Many runs."""
+"""More than one run: studies, gradients of runs, unknowns from data."""

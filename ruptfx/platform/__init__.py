@@ -1,1 +1,1 @@
-"""The machine and the terminal: ranks, collective operations, clocks, text and progress."""
+"""The machine and the terminal: ranks, DOLFINx, compiled code, files of a run, clocks, text and progress."""

@@ -1,1 +1,1 @@
-"""Readings."""
+"""What is measured in a run: instruments, and misfits to data."""

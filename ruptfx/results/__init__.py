@@ -1,1 +1,1 @@
-"""Result files: names and checksums, columns, meaning of the fields, HTML."""
+"""Reading a run: records, numbers, figures, movies, cameras; neither DOLFINx nor MPI."""

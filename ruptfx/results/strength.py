@@ -6,9 +6,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from ruptfx import RuptfxError
-from ruptfx.case import FaultCase
 from ruptfx.input.plugins import active, named
 from ruptfx.input.quantities import with_prefix
+from ruptfx.input.schema import Part
+from ruptfx.laws.cohesion import AnyCohesion
+from ruptfx.laws.friction import AnyFriction
+from ruptfx.laws.nucleation import AnyNucleation
 from ruptfx.results.record import Files
 
 
@@ -34,14 +37,15 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     position = data["position"].values
     name = str(data.attrs.get("fault", ""))
     try:
-        fault = _fault(record, name)
-        if fault is None:
+        laws = _laws(record, name)
+        if laws is None:
             return None
-        law = fault.friction.at(position)
-        for nucleation in fault.nucleation:
+        law = laws.friction.at(position)
+        for nucleation in laws.nucleation:
             law = nucleation.weaken(law, position)
-        bond = fault.cohesion
-        cohesive = 0.0 if bond is None else bond.at(position).remaining_cohesion(data["damage"].isel(time=rows).values)
+        cohesive: np.ndarray | float = 0.0
+        if laws.cohesion is not None:
+            cohesive = laws.cohesion.at(position).remaining_cohesion(data["damage"].isel(time=rows).values)
     except (RuptfxError, TypeError):  # a position given as a point has no scalar coordinate
         return None
     states = law.all_state_fields()
@@ -55,15 +59,27 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     return np.where(np.isfinite(found), found, np.nan)
 
 
-def _fault(record: Files, name: str) -> FaultCase | None:
-    """Return the interface as its case defines it, with the code of plug-ins only if the record is trusted."""
+class Strength(Part):
+    """The keys of an interface on which its shear strength depends."""
+
+    friction: AnyFriction
+    """Friction law."""
+    cohesion: AnyCohesion | None = None
+    """Cohesive law."""
+    nucleation: list[AnyNucleation] = []
+    """Nucleation, which may weaken the law."""
+
+
+def _laws(record: Files, name: str) -> Strength | None:
+    """Return the laws of an interface of the case, with the code of plug-ins only if the record is trusted."""
     table = record.case.get("faults", {}).get(name)
     if table is None:
         return None
     plugins = named(record.case, record.path) if record.trust else []
     try:
         with active(plugins):
-            return FaultCase.model_validate(table, context={"directory": record.path})
+            keys = {key: table[key] for key in Strength.model_fields if key in table}
+            return Strength.model_validate(keys, context={"directory": record.path})
     except ValidationError:
         if record.case.get("plugins") and not record.trust:
             record.omitted.append(f"the strength of interface '{name}', in the figure snapshots")

@@ -1,1 +1,1 @@
-"""Run."""
+"""One run: the semi-discrete model, the only time loop, stages, recorded files, cost."""

@@ -1,1 +1,1 @@
-"""Stepping."""
+"""Time: explicit and implicit steppers, equilibrium, rules that stop a run."""

@@ -46,7 +46,8 @@ def with_boundary(kind: str, changes: dict[str, Any] | None = None) -> Case:
 
 def takes(stepper: str, kind: str) -> bool:
     """Return whether the steps can have the boundary: those that keep ties, and those with waves."""
-    ties, steps = with_boundary(kind).boundaries[-1].tied_edges is not None, alternatives("ruptfx.stepping.steppers")[stepper]
+    ties = with_boundary(kind).boundaries[-1].tied_edges is not None
+    steps = alternatives("ruptfx.stepping.steppers")[stepper]
     return (not ties or steps.supports_ties) and (not BOUNDARIES[kind].waves or steps.inertia)
 
 

@@ -18,7 +18,7 @@ from ruptfx.app.check_law.examples import friction, table
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.input.schema import alternatives
+from ruptfx.input.schema import alternatives, package_of
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.fault_step import FaultStep, impedances
 from ruptfx.interfaces.faults.interface import Interface
@@ -143,8 +143,11 @@ def test_compiled_step_with_a_gap(method: str) -> None:
     assert 0.05 < opened < 0.99
 
 
+COHESION = alternatives(package_of("cohesion"))
+
+
 @every_method
-@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.laws.cohesion")), ("linear", 3)])
+@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in COHESION), ("linear", 3)])
 def test_compiled_step_with_cohesion(method: str, kind: str, components: int) -> None:
     """Some points crack from the start; motion tears, closes and shears the others until most have failed."""
     random = np.random.default_rng(13)

@@ -21,7 +21,7 @@ from helpers.small_cases import COMPLIANT, HOMALITE, merged, required
 from ruptfx import RuptfxError
 from ruptfx.app.check_law.examples import choices, flat, folder, number, properties, table
 from ruptfx.case import Case, parse_case
-from ruptfx.input.schema import Alternative, CaseError, Part, alternatives, set_key, unit_of
+from ruptfx.input.schema import Alternative, CaseError, Part, alternatives, package_of, set_key, unit_of
 
 pytest.importorskip("dolfinx")
 
@@ -186,7 +186,7 @@ def _given(cls: type[Part], name: str, schema: Mapping[str, Any], options: list[
     if inside and not kinds:
         return [[table(inside[0])] if several else table(inside[0])]
     if kinds:
-        known = alternatives(f"ruptfx.{kinds}").items()
+        known = alternatives(package_of(kinds)).items()
         tables = [
             {"kind": kind, **each} for kind, found in known
             for each in ([EXAMPLES[kinds]] if kinds in EXAMPLES else _examples(found))

@@ -16,7 +16,7 @@ from ruptfx.app.check_law.examples import friction, table
 pytest.importorskip("dolfinx")
 
 from ruptfx.bodies.state import FaultState
-from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.input.schema import CaseError, alternatives, package_of
 from ruptfx.interfaces.faults import cohesive_interface
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.laws.contact._rigid import RigidContact
@@ -117,8 +117,9 @@ def test_compiled_response_in_antiplane_and_3d(method: str, components: int, kin
 
 
 @every_method
-@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.laws.cohesion")), ("linear", 3),
-                                              ("linear", 1)])  # fmt: skip
+@pytest.mark.parametrize("kind, components", [
+    *((kind, 2) for kind in alternatives(package_of("cohesion"))), ("linear", 3), ("linear", 1),
+])  # fmt: skip
 def test_response_with_cohesion(method: str, kind: str, components: int) -> None:
     """Compiled and in arrays, and the tangent against central differences: tearing, closing, sheared, failed points."""
     law = friction("linear_slip_weakening", None, profiles=True)

@@ -19,7 +19,7 @@ from ruptfx.app.cli import app
 from ruptfx.app.reference.support_table import columns, features, judge
 from ruptfx.case import parse_case
 from ruptfx.case.support import Change, UnsupportedError, overrides, refusals_of, remedies
-from ruptfx.input.schema import Alternative, CaseError, alternatives, set_key
+from ruptfx.input.schema import Alternative, CaseError, alternatives, package_of, set_key
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.laws.contact import ContactMethod
 from ruptfx.laws.materials import Plane
@@ -80,7 +80,7 @@ CELLS: list[tuple[str, dict[str, Any]]] = [
     })) for method, stepper, (feature, changes) in product(METHODS, STEPPERS, FEATURES.items())
 ] + [
     (f"{kind}, {stepper}, {feature}", block({"fracture.kind": kind, "stepper": STEPS[stepper], **changes}))
-    for kind, stepper, (feature, changes) in product(alternatives("ruptfx.interfaces.cracks"), STEPPERS, OF_CRACKS.items())
+    for kind, stepper, (feature, changes) in product(alternatives(package_of("cracks")), STEPPERS, OF_CRACKS.items())
 ] + [
     (f"{kind} beside {method}", faulted({
         "fracture.kind": kind, "faults.main.contact": {"kind": method, **table(METHODS[method])},

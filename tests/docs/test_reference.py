@@ -14,7 +14,7 @@ import toml_examples
 from helpers.page_blocks import ROOT, blocks
 
 from ruptfx.app.reference import describe
-from ruptfx.input.schema import alternatives
+from ruptfx.input.schema import alternatives, package_of
 
 KINDS = [(topic, name) for topic in (*describe.FOLDERS, "histories") for name in describe.names_of(topic)]
 
@@ -37,7 +37,7 @@ def test_a_kind_has_an_example_that_it_accepts(topic: str, kind: str) -> None:
     text, demo = toml_examples.example(topic, entry)
     assert text and (not demo or (ROOT / "demos" / demo).is_file())
     found = tomllib.loads(text)
-    of_files = alternatives(f"ruptfx.{topic}") if topic in describe.FOLDERS else {}
+    of_files = alternatives(package_of(topic)) if topic in describe.FOLDERS else {}
     if topic == "operators":
         assert found == {"operator": kind}
     elif kind == "a point as center":

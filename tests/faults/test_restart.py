@@ -339,7 +339,7 @@ def test_full_disk_is_a_clear_error_and_keeps_the_checkpoint(case_file, referenc
 
     # No file may grow beyond 0.7 MB: writing then fails as on a full disk. Set after MPI has made its own files.
     program = (
-        "import resource, signal, sys; import ruptfx.platform.fem; ruptfx.platform.fem.MPI; from ruptfx.app.cli import app; "
+        "import resource, signal, sys; from ruptfx.platform import fem; fem.MPI; from ruptfx.app.cli import app; "
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (700_000, 700_000)); "
         "app(sys.argv[1:])"
     )

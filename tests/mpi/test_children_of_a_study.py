@@ -13,7 +13,10 @@ import pytest
 
 pytest.importorskip("dolfinx")
 pytestmark = [pytest.mark.fem, pytest.mark.faults]
-STARTS = "from ruptfx.many_runs.study.workers import Child; import time; Child(2); print('started', flush=True); time.sleep(600)"
+STARTS = (
+    "from ruptfx.many_runs.study.workers import Child; import time; "
+    "Child(2); print('started', flush=True); time.sleep(600)"
+)
 
 
 def started_by(tmp_path: Path) -> list[psutil.Process]:

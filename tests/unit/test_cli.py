@@ -27,7 +27,7 @@ from ruptfx.app.commands.check import engineering, readable
 from ruptfx.app.commands.check import merged as merged_rows
 from ruptfx.app.reference.describe import TOPICS, about, entries, entries_of, keys_of
 from ruptfx.case import Case, FaultCase
-from ruptfx.input.schema import kinds
+from ruptfx.input.schema import kinds, package_of
 from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.laws.friction.coulomb import Coulomb
 from ruptfx.platform import launch
@@ -466,7 +466,7 @@ def test_describe_lists_the_folder(folder: str) -> None:
         pytest.importorskip("dolfinx")
     result = ruptfx("describe", folder)
     assert result.exit_code == 0
-    assert all(kind in result.output for kind in kinds(f"ruptfx.{folder}"))
+    assert all(kind in result.output for kind in kinds(package_of(folder)))
 
 
 def test_describe_shows_units_bounds_and_formulas() -> None:

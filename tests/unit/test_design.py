@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import tomli_w
 import typer
-from helpers import synthetic
+from helpers import package_tree, synthetic
 from helpers.messages import facts
 from helpers.small_cases import SPLIT, plates, slip_weakening, unstressed
 from typer.testing import CliRunner
@@ -23,7 +23,6 @@ import ruptfx
 from ruptfx import lumped
 from ruptfx.app.bench import run_benchmark
 from ruptfx.app.check_law import Report, check_law
-from ruptfx.app.reference.describe import FOLDERS
 from ruptfx.case import parse_case, read_case
 from ruptfx.input.schema import CaseError
 from ruptfx.laws.materials import Plane
@@ -101,19 +100,26 @@ def test_every_example_is_used_here() -> None:
 
 
 def test_the_tree_is_that_of_the_package() -> None:
-    """Files of the root and folders have a line; those of packages, which are no lists of kinds, are named in it."""
-    tree = PAGE.partition("```text\n")[2].partition("```")[0]
-    lines = dict(re.findall(r"^  (\S+) +(\S.*)$", tree, re.MULTILINE))
-    there = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
-    folders = {name for name in there if (PACKAGE / name / "__init__.py").is_file()}
-    assert set(lines) == {f"{name}/" if name in folders else name for name in there}
-    for folder in folders - {*FOLDERS, "bench", "commands", "mechanisms", "movies", "plots"}:
-        files = {path.stem for path in (PACKAGE / folder).glob("*.*") if path.stem != "__init__"}
-        assert files - set(re.findall(r"\w+", lines[f"{folder}/"])) == set(), folder
-    assert {f"{name}/" for name in FOLDERS} < set(lines)
+    """Rooms in the order of their imports, with the first line of every folder and file, and nothing else."""
+    assert package_tree.in_page(PAGE) == package_tree.tree(), "renew it: python tests/helpers/package_tree.py"
+    there = {path.name for path in PACKAGE.iterdir() if path.name not in ("__pycache__", "demos")}
+    there -= {"__init__.py", "__main__.py", "py.typed"}
+    assert there == {*package_tree.rooms(), "plugin.py", "plugin.pyi"}
+    assert len(package_tree.rooms()) <= 14
 
 
-@pytest.mark.parametrize("path", sorted(set(re.findall(r"`([a-z_]+/[a-z_]+\.py)`", PAGE))))
+def test_no_module_whose_name_begins_with_an_underscore_is_imported_from_another_room() -> None:
+    imports = re.compile(r"^\s*(?:from|import) ruptfx\.(\w+)((?:\.\w+)*)(?: import (\w+))?", re.MULTILINE)
+    crossing = [
+        (str(path.relative_to(PACKAGE)), room, inner, name)
+        for path in PACKAGE.rglob("*.py") if PACKAGE / "demos" not in path.parents
+        for room, inner, name in imports.findall(path.read_text(encoding="utf-8"))
+        if room != path.relative_to(PACKAGE).parts[0] and "._" in f"{inner}.{name}"
+    ]  # fmt: skip
+    assert crossing == []
+
+
+@pytest.mark.parametrize("path", sorted(set(re.findall(r"`((?:[a-z_]+/)+[a-z_]+\.py)`", PAGE))))
 def test_files_named_in_the_text_exist(path: str) -> None:
     assert (PACKAGE / path).is_file() or (PACKAGE.parent / path).is_file()
 

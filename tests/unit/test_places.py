@@ -11,14 +11,14 @@ from helpers.messages import facts, says
 from ruptfx.app.check_law.examples import table
 from ruptfx.input.profiles import Profile, evaluate
 from ruptfx.input.profiles.places import Place, located, patches, positions, shifted
-from ruptfx.input.schema import CaseError, Part, alternatives
+from ruptfx.input.schema import CaseError, Part, alternatives, package_of
 from ruptfx.laws.nucleation.forced_rupture import ForcedRupture
 from ruptfx.stepping.stopping import StopWhen
 
 CENTERED = [
     cls
     for folder in ("nucleation", "profiles")
-    for cls in alternatives(f"ruptfx.{folder}").values()
+    for cls in alternatives(package_of(folder)).values()
     if "center" in cls.model_fields
 ]
 
@@ -79,7 +79,8 @@ RADIAL = {
 @pytest.mark.parametrize("kind", [cls.kind() for cls in CENTERED if issubclass(cls, Profile)])
 def test_a_profile_around_a_point_of_a_surface_depends_on_the_distance(kind: str) -> None:
     given, expected = RADIAL[kind]
-    part = alternatives("ruptfx.input.profiles")[kind].model_validate({**given, "center": {"x": 3.0, "y": 0.0, "z": 4.0}})
+    center = {"x": 3.0, "y": 0.0, "z": 4.0}
+    part = alternatives("ruptfx.input.profiles")[kind].model_validate({**given, "center": center})
     placed = located(part, lambda key, place: np.array([3.0, 4.0]), "key")
     for angle in (0.0, 1.0, 4.0):
         places = np.array([[3 + r * np.cos(angle), 4 + r * np.sin(angle)] for r in expected])

@@ -287,7 +287,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         folder = tmp_path / "laws_of_others-1.0.dist-info"
         folder.mkdir()
         (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: laws-of-others\nVersion: 1.0\n")
-        (folder / "entry_points.txt").write_text(f"[ruptfx.laws.friction]\n{entries}\n")
+        (folder / "entry_points.txt").write_text(f"[ruptfx.friction]\n{entries}\n")
         monkeypatch.syspath_prepend(tmp_path)
         schema.offered.cache_clear()
 
@@ -332,7 +332,8 @@ def test_a_broken_file_in_a_folder_harms_nothing_else(tmp_path: Path, monkeypatc
     monkeypatch.setattr(ruptfx.laws.friction, "__path__", [*ruptfx.laws.friction.__path__, str(tmp_path)])
     reason = f"{tmp_path / 'half_done.py'}, line 3: NameError: name 'FrictionLaw' is not defined"
     assert broken("ruptfx.laws.friction") == {"half_done": reason}
-    assert alternatives("ruptfx.laws.friction")["coulomb"] is Coulomb and "half_done" not in alternatives("ruptfx.laws.friction")
+    laws = alternatives("ruptfx.laws.friction")
+    assert laws["coulomb"] is Coulomb and "half_done" not in laws
     titles = [panel.title.plain for panel in describe_topic("friction")]
     assert titles[-1] == "half_done (broken)" and "coulomb" in titles
     said = ruptfx_says("describe", "friction")

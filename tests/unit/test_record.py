@@ -96,7 +96,8 @@ def test_the_end_of_a_run_needs_no_xarray(tmp_path):
     """Its import would take longer than all that is read; all figures are drawn."""
     run = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION, slides=True)
     program = (
-        "import sys; from ruptfx import plots; from ruptfx.results.analysis import summarise; from ruptfx.results.record import Files\n"
+        "import sys; from ruptfx import plots; from ruptfx.results.analysis import summarise\n"
+        "from ruptfx.results.record import Files\n"
         f"with Files({str(run)!r}) as record: summarise(record); plots.save_all(record)\n"
         "print(sorted({'xarray', 'pandas', 'matplotlib.pyplot'} & set(sys.modules)))"
     )

@@ -21,7 +21,7 @@ from ruptfx.app.commands._shared import reported
 from ruptfx.app.reference.describe import TOPICS, entries, file_schema
 from ruptfx.case import FOLDERS, parse_case
 from ruptfx.input.former_names import FormerName, warn_of_former
-from ruptfx.input.schema import CaseError, alternatives, find, kinds, nearest, unit_of
+from ruptfx.input.schema import CaseError, alternatives, directory_of, find, kinds, nearest, package_of, unit_of
 from ruptfx.interfaces.collisions.potential import Potential
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.laws.cohesion import CohesiveLaw
@@ -33,9 +33,10 @@ from ruptfx.stepping.steppers.leapfrog import Leapfrog
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_the_file_name_is_the_kind(folder: str) -> None:
-    found = alternatives(f"ruptfx.{folder}")
-    package = Path(sys.modules[f"ruptfx.{folder}"].__file__).parent
-    assert set(found) == {p.stem for p in package.glob("*.py") if not p.stem.startswith("_")}
+    found = alternatives(package_of(folder))
+    shared = getattr(sys.modules[package_of(folder)], "SHARED", ())
+    files = {path.stem for path in directory_of(folder).glob("*.py") if not path.stem.startswith("_")}
+    assert set(shared) <= files and set(found) == files - set(shared)
     for kind, cls in found.items():
         assert cls.kind() == kind and cls.summary()
         # The class is the file name in CamelCase.
@@ -46,7 +47,7 @@ def test_the_file_name_is_the_kind(folder: str) -> None:
 def test_every_number_that_has_a_unit_says_so(folder: str) -> None:
     symbol = "(1|m|s|kg|Pa|N|J|rad|degree)[2-4]?"
     unit = re.compile(f"{symbol}( {symbol})*(/{symbol})*")  # of the SI: "1/s", "N m", "kg/m3"
-    for cls in alternatives(f"ruptfx.{folder}").values():
+    for cls in alternatives(package_of(folder)).values():
         for name in cls.model_fields:
             assert unit.fullmatch(unit_of(cls, name)), f"{cls.__name__}.{name} [{unit_of(cls, name)}]"
 
@@ -174,7 +175,8 @@ def test_parts_are_strict_and_frozen() -> None:
 def test_base_imports_nothing_heavy() -> None:
     """`import ruptfx`, laws and projection work where there is no DOLFINx and no MPI."""
     code = (
-        "import sys, ruptfx, ruptfx.interfaces.faults.projection, ruptfx.input.profiles, ruptfx.case, ruptfx.results.record\n"
+        "import sys, ruptfx, ruptfx.interfaces.faults.projection, ruptfx.input.profiles, ruptfx.case\n"
+        "import ruptfx.results.record, ruptfx.many_runs.study.definition\n"
         "from ruptfx.input.schema import alternatives\n"
         "alternatives('ruptfx.laws.friction')\n"
         "print([name for name in ('dolfinx', 'mpi4py', 'petsc4py', 'ufl') if name in sys.modules])"

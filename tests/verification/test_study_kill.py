@@ -54,7 +54,8 @@ def solvers(tmp_path: Path) -> list[psutil.Process]:
     found = []
     for process in psutil.process_iter(["cmdline", "environ"]):
         mine = (process.info["environ"] or {}).get("RUPTFX_TEST") == str(tmp_path)
-        if mine and "ruptfx.many_runs.study.case_server" in process.info["cmdline"] and "-n" not in process.info["cmdline"]:
+        words = process.info["cmdline"]
+        if mine and "ruptfx.many_runs.study.case_server" in words and "-n" not in words:
             found.append(process)
     return found
 

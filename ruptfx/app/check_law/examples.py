@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ruptfx import Table
-from ruptfx.input.schema import CaseError, Part, alternatives, unit_of
+from ruptfx.input.schema import CaseError, Part, alternatives, package_of, unit_of
 
 Array = np.ndarray
 
@@ -83,7 +83,7 @@ def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool
         inner = folder(schema)
         options = flat(schema)
         if inner is not None:
-            known = {kind: c for kind, c in alternatives(f"ruptfx.{inner}").items() if not holds(c)}
+            known = {kind: c for kind, c in alternatives(package_of(inner)).items() if not holds(c)}
             kind = law or min(known)
             result[name] = {"kind": kind, **table(known[kind], seed, None, profiles)}
         elif any(item.get("type") == "number" for item in options):

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ruptfx.app.commands._shared import begin, completed_from, reported, runs, screen
+from ruptfx.input.schema import directory_of
 
 HEADING = "Post-process"
 
@@ -22,7 +23,7 @@ class Format(StrEnum):  # older Typers know no Literal
 
 def films() -> list[str]:
     """Return the kinds of movies, the files of their folder."""
-    return sorted(path.stem for path in (Path(__file__).parents[1] / "movies").glob("[!_]*.py"))
+    return sorted(path.stem for path in directory_of("movies").glob("[!_]*.py"))
 
 
 def movie(

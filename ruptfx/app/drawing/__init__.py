@@ -1,1 +1,1 @@
-"""Drawings outside of the figures of a record: processes that draw a run, the mesh of a case."""
+"""Drawings outside of the figures of a record: the mesh of a case, in the plane and as a solid."""

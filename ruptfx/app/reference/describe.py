@@ -8,7 +8,6 @@ import re
 import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -28,11 +27,13 @@ from ruptfx.input.schema import (
     alternatives,
     broken,
     descriptions,
+    directory_of,
     first_line,
     from_outside,
     kinds,
     nearest,
     own_module,
+    package_of,
     unit_of,
 )
 from ruptfx.interfaces.faults.initial_stress import InitialStress
@@ -126,10 +127,10 @@ def entries(topic: str) -> Iterator[Entry]:
                 continue
             yield Entry(kind, _marked(first_line(described)), _details(described), {}, [])
     else:
-        yield from _with_held(alternatives(f"ruptfx.{topic}") | CLASSES.get(topic, {}))
+        yield from _with_held(alternatives(package_of(topic)) | CLASSES.get(topic, {}))
         if topic == "materials":
             yield _library()
-        for kind, reason in broken(f"ruptfx.{topic}").items():
+        for kind, reason in broken(package_of(topic)).items():
             yield Entry(kind, "", "", {}, [], reason)
 
 
@@ -167,7 +168,7 @@ def entries_of(what: str) -> Iterator[Entry]:
 
 def names_of(topic: str) -> list[str]:
     """Return the kinds of a topic without loading them."""
-    return [*(kinds(f"ruptfx.{topic}") if topic in FOLDERS else ()), *CLASSES.get(topic, {})]
+    return [*(kinds(package_of(topic)) if topic in FOLDERS else ()), *CLASSES.get(topic, {})]
 
 
 def describe_topic(what: str) -> Iterator[RenderableType]:
@@ -207,7 +208,7 @@ def about(topic: str) -> str:
     """Return a few words about a topic."""
     if topic in FOLDERS:
         # Read instead of imported: some need DOLFINx to run, but not to be described.
-        text = ast.get_docstring(ast.parse((Path(__file__).parents[1] / topic / "__init__.py").read_text())) or ""
+        text = ast.get_docstring(ast.parse(directory_of(topic).joinpath("__init__.py").read_text())) or ""
         return re.split(r", one|:", text)[0]
     if topic in TABLES:
         return first_line(next(iter(TABLES[topic].values()))).rstrip(".")

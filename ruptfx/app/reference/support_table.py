@@ -1,4 +1,4 @@
-"""Which features work with which steppers, contact methods, planes and materials, from the rules of `ruptfx.case.support`.
+"""Features by the steppers, contact methods, planes and materials that they work with, from the rules of a case.
 
 A cell is judged as `support.check` judges a case: by the rules, on the classes of its parts. Parts that neither the row
 nor the column names are free: a feature works with a stepper if some contact method makes them work together.
@@ -14,7 +14,7 @@ from typing import cast, get_args
 
 from ruptfx.bodies.boundaries import Boundary
 from ruptfx.case import Case, Damping, FaultCase, support
-from ruptfx.input.schema import Alternative, Part, alternatives
+from ruptfx.input.schema import Alternative, Part, alternatives, package_of
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.laws.cohesion.linear import Linear
 from ruptfx.laws.contact.compliant import Compliant
@@ -122,7 +122,7 @@ def columns() -> dict[str, dict[str, dict[str, type[Part]]]]:
 def features() -> Iterator[Feature]:
     """Return all features whose declarations a rule reads."""
     for field, folder in (("contact", "contact"), ("friction", "friction")):
-        for kind, cls in alternatives(f"ruptfx.{folder}").items():
+        for kind, cls in alternatives(package_of(folder)).items():
             key = FAULT + field
             yield Feature(f"{field} {kind}", {**INTERFACE, key: cls}, (key,))
     yield from (

@@ -1,7 +1,7 @@
 """Boundaries and loads, one kind per file; the file name is the `kind` of an entry of ``[[boundaries]]``.
 
-Displacements are measured from the initial state, which is in equilibrium; a boundary adds to its initial load.
-Edges that are not named are free to move under their initial load. `ruptfx.bodies.boundaries.loading.Loads` sums the actions
+Displacements are measured from the initial state, which is in equilibrium; a boundary adds to its initial load. Edges
+that are not named are free to move under their initial load. `ruptfx.bodies.boundaries.loading.Loads` sums the actions
 of all.
 """
 
@@ -211,3 +211,6 @@ if TYPE_CHECKING:
     AnyBoundary = Boundary
 else:
     AnyBoundary = alternative("ruptfx.bodies.boundaries")
+
+SHARED = ("histories", "loading")
+"""Files of this folder that are no kinds."""

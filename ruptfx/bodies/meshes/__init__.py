@@ -1,7 +1,7 @@
 """Mesh sources, one per file; the file name is the `kind` in a case.
 
-A mesh source fills a `RawMesh` on rank 0, which `ruptfx.bodies.space.bodies` splits over the ranks; or it returns a `Lattice`,
-of which every rank makes its own part.
+A mesh source fills a `RawMesh` on rank 0, which `ruptfx.bodies.space.bodies` splits over the ranks; or it returns a
+`Lattice`, of which every rank makes its own part.
 """
 
 from __future__ import annotations
@@ -133,3 +133,6 @@ if TYPE_CHECKING:
     AnyMesh = MeshSource
 else:
     AnyMesh = alternative("ruptfx.bodies.meshes")
+
+SHARED = ("lobatto",)
+"""Files of this folder that are no kinds."""

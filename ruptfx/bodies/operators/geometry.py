@@ -146,6 +146,7 @@ def _corners(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
 
 
 def geometry_element(mesh: fem.dolfinx.mesh.Mesh) -> Any:
+    """Return the UFL element of the coordinates of a mesh."""
     domain: Any = mesh.ufl_domain()
     return domain.ufl_coordinate_element()
 

@@ -71,7 +71,7 @@ class MemorySweep(MatrixFree):
         self._permutation = permutation
         macros = "".join(f"#define {name} {value}\n" for name, value in self.law.as_c().items())
         parts = [files("ruptfx").joinpath("platform/codegen/lanes.c")]
-        parts += [files(__package__).joinpath(name) for name in ("matrix_free.c", "memory.c")]
+        parts += [files("ruptfx.bodies.operators").joinpath(name) for name in ("matrix_free.c", "memory.c")]
         source = macros + constants + "".join(part.read_text() for part in parts)
         self._compiled = native.load("memory", source)
         self._compiled.memory_energy.restype = ctypes.c_double

@@ -216,3 +216,6 @@ else:
         Annotated[float, Tag("<number>")] | Annotated[AnyProfile, Tag("<profile>")], Discriminator(_tag)
     ]
     ValueOrProfile = Annotated[NumberOrProfile, _OfKey()]
+
+SHARED = ("places", "rim")
+"""Files of this folder that are no kinds."""

@@ -1,7 +1,7 @@
 """Positions along an interface in a case, also given as points that define the nearest position.
 
-`ruptfx.interfaces.faults.interface.Line` defines positions: x where an interface is flat and its (first) tangent is +x, a
-length from its `origin` elsewhere.
+`ruptfx.interfaces.faults.interface.Line` defines positions: x where an interface is flat and its (first) tangent is
++x, a length from its `origin` elsewhere.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Attachments of the bodies, one kind per file; the file name is the `kind` of an entry of ``[[attachments]]``.
 
 An attachment is the table of a case, and makes a mechanism: an object that adds forces to the steps, has fields and
-energies of its own, and keeps the contract of `ruptfx.interfaces.mechanisms.Mechanism`. Steppers, the energy table, checkpoints,
-records and the stable time step ask every mechanism for its part; none knows a kind of attachment.
+energies of its own, and keeps the contract of `ruptfx.interfaces.mechanisms.Mechanism`. Steppers, the energy table,
+checkpoints, records and the stable time step ask every mechanism for its part; none knows a kind of attachment.
 """
 
 from __future__ import annotations

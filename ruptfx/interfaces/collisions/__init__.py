@@ -39,3 +39,6 @@ if TYPE_CHECKING:
     AnyCollisions = Collisions
 else:
     AnyCollisions = alternative("ruptfx.interfaces.collisions")
+
+SHARED = ("step",)
+"""Files of this folder that are no kinds."""

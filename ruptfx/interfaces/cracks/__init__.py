@@ -149,3 +149,6 @@ if TYPE_CHECKING:
     AnyFracture = Fracture
 else:
     AnyFracture = alternative("ruptfx.interfaces.cracks")
+
+SHARED = ("rigid", "step")
+"""Files of this folder that are no kinds."""

@@ -1,10 +1,10 @@
 """Mechanisms, one per file: forces on the bodies and constraints of their motion.
 
-The model, checkpoints and the energy table ask all mechanisms of a case for their initial state, their fields and their
-energies. An explicit step is a sequence of phases, other methods of `Mechanism`: in each phase the stepper calls the
-mechanisms that override it, in ascending `Mechanism.order`. None of them knows a mechanism by name, and no mechanism
-knows another one. Those of this folder follow from the tables of a case; `ruptfx.interfaces.attachments` has those that a case
-chooses by their kind.
+The model, checkpoints and the energy table ask all mechanisms of a case for their initial state, their fields and
+their energies. An explicit step is a sequence of phases, other methods of `Mechanism`: in each phase the stepper calls
+the mechanisms that override it, in ascending `Mechanism.order`. None of them knows a mechanism by name, and no
+mechanism knows another one. Those of this folder follow from the tables of a case; `ruptfx.interfaces.attachments` has
+those that a case chooses by their kind.
 
 Of the phases of an explicit step only `prepare` and `exchange` send messages. An error of one rank in a phase does not
 end its step: the stepper keeps it, calls the other phases and mechanisms, as other ranks wait for their messages, and

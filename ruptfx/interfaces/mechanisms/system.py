@@ -1,7 +1,7 @@
 """The semi-discrete system as mechanisms, attachments, steppers and instruments know it.
 
-`ruptfx.run.model.Model` makes it from a case. It stands below the case, whose parts are bound to it, and below the model,
-which builds these parts: both import this module, not the other way round.
+`ruptfx.run.model.Model` makes it from a case. It stands below the case, whose parts are bound to it, and below the
+model, which builds these parts: both import this module, not the other way round.
 """
 
 from __future__ import annotations

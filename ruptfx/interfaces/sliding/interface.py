@@ -1,7 +1,7 @@
 """The jump of an interface with finite sliding, and its exact transpose.
 
-Points are the nodes of the plus side; the mortar pairing (`ruptfx.interfaces.sliding.mortar`) gives each a weighted mean of nodes
-of the minus side. The jump is affine in the displacement,
+Points are the nodes of the plus side; the mortar pairing (`ruptfx.interfaces.sliding.mortar`) gives each a weighted
+mean of nodes of the minus side. The jump is affine in the displacement,
 
     [u] = offset + frame (u+ - B u-),
 

@@ -143,7 +143,8 @@ class Mortar:
             "PLUS": plus.order, "MINUS": minus.order, "GAUSS": len(at), "REACH": REACH, "OVERHANG": OVERHANG,
             "SLIVER": SLIVER,
         }  # fmt: skip
-        self._library = native.load("mortar", files("ruptfx.interfaces.sliding").joinpath("mortar.c").read_text(), macros)
+        source = files("ruptfx.interfaces.sliding").joinpath("mortar.c").read_text()
+        self._library = native.load("mortar", source, macros)
         self._library.overlaps.restype = self._library.couple.restype = ctypes.c_long
         self._groups = np.zeros(3 * minus.facets)
         self._grow(4 * (plus.facets + minus.facets))

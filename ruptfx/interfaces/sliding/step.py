@@ -1,9 +1,9 @@
 """Explicit step of a sliding interface: the step of every point, in sweeps until the tractions converge.
 
 Neighbouring points share nodes of the minus side, so that the traction of one changes the jump of the other. Trial,
-projection and write-back are those of the step of a fault (`ruptfx.interfaces.faults.fault_step`), from jumps instead of
-displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact needs the jump of the displacement only,
-and one such step. Rigid contact is solved in sweeps (`ContactMethod.sweeps_to`): all points at once, from the
+projection and write-back are those of the step of a fault (`ruptfx.interfaces.faults.fault_step`), from jumps instead
+of displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact needs the jump of the displacement
+only, and one such step. Rigid contact is solved in sweeps (`ContactMethod.sweeps_to`): all points at once, from the
 velocities after the tractions of the last sweep, from the state at the beginning of the step. This is a Jacobi
 iteration, the same for any partition; the first sweep begins with the tractions of the previous step. The code is C,
 `step.c`; the tests have the same with arrays (`tests/helpers/reference_sliding.py`).

@@ -2,8 +2,8 @@
 
 The strength of an interface in addition to friction: tension up to `f_t remaining(D)` and a cohesion of `c
 remaining(D)` in shear, where the damage D grows from 0 to 1 with inelastic opening and slip and never falls. A law is
-its formulas, NumPy operations point by point without branches on values; they are traced (`ruptfx.platform.codegen.tracing`)
-into C.
+its formulas, NumPy operations point by point without branches on values; they are traced
+(`ruptfx.platform.codegen.tracing`) into C.
 """
 
 from __future__ import annotations

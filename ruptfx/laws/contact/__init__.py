@@ -1,7 +1,7 @@
 """Contact methods, one per file: the trial traction of an interface that stays closed and sticks.
 
-A contact method is pointwise NumPy, traced like a friction law (`ruptfx.platform.codegen.tracing`); the shared projection then
-brings the trial back to tractions that the friction law admits.
+A contact method is pointwise NumPy, traced like a friction law (`ruptfx.platform.codegen.tracing`); the shared
+projection then brings the trial back to tractions that the friction law admits.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Friction laws, one per file; the file name is the `kind` in a case.
 
-A law contains its formula only: no mesh, no MPI, no time scheme and no output. `strength` and
-`advance` are written with NumPy operations that act point by point, without branches on values (`numpy.where`
-instead of `if`). They are *traced* (`ruptfx.platform.codegen.tracing`): the same lines give the exact derivative for the
-implicit solvers and the C code of the explicit path, so that a new law is fast and consistently linearised.
+A law contains its formula only: no mesh, no MPI, no time scheme and no output. `strength` and `advance` are written
+with NumPy operations that act point by point, without branches on values (`numpy.where` instead of `if`). They are
+*traced* (`ruptfx.platform.codegen.tracing`): the same lines give the exact derivative for the implicit solvers and the
+C code of the explicit path, so that a new law is fast and consistently linearised.
 """
 
 from __future__ import annotations
@@ -149,3 +149,6 @@ if TYPE_CHECKING:
     AnyFriction = FrictionLaw
 else:
     AnyFriction = alternative("ruptfx.laws.friction")
+
+SHARED = ("lengths", "rate_and_state_base")
+"""Files of this folder that are no kinds."""

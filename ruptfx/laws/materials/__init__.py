@@ -366,8 +366,12 @@ if TYPE_CHECKING:
     AnyMaterial = Material
 else:
     AnyMaterial = Annotated[
-        alternative("ruptfx.laws.materials"), BeforeValidator(constants_of), OwnJsonSchema(by_name("materials", [*LIBRARY]))
+        alternative("ruptfx.laws.materials"), BeforeValidator(constants_of),
+        OwnJsonSchema(by_name("materials", [*LIBRARY])),
     ]
+
+SHARED = ("library", "stiffness", "tensor", "traced")
+"""Files of this folder that are no kinds."""
 
 __all__ = [
     "IDENTITY", "IN_PLANE", "AnyMaterial", "Material", "Plane", "PointError", "RecordedState", "StateField", "Tensor",

@@ -1,8 +1,8 @@
 """A run whose steps are visited again, forward or backward, with the history that a memory admits.
 
 The run keeps the history of its last segment, and checkpoints of its state; a sweep computes the other segments again
-from them (`ruptfx.many_runs.adjoint.checkpoints`). Steps are bitwise reproducible from a copy of the state, so that sweeps do not
-depend on the memory.
+from them (`ruptfx.many_runs.adjoint.checkpoints`). Steps are bitwise reproducible from a copy of the state, so that
+sweeps do not depend on the memory.
 """
 
 from __future__ import annotations

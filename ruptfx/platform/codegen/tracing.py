@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from ruptfx import RuptfxError, Table
-from ruptfx.input.schema import Alternative
 
 Derivatives = tuple[Any, ...]
 SMALLEST_NORMAL = float(np.finfo(float).tiny)
@@ -322,8 +322,9 @@ def located(error: Exception, function: Callable[..., Any]) -> str:
     line = code.co_firstlineno
     while trace is not None:
         frame = trace.tb_frame
-        # Use the line in the law, not that of __getattr__ after a missing attribute.
-        if isinstance(frame.f_locals.get("self"), Alternative) and not frame.f_code.co_name.startswith("__"):
+        # Laws and contact methods are the only models of pydantic that a traceback passes. Use the line in the law, not
+        # that of __getattr__ after a missing attribute.
+        if isinstance(frame.f_locals.get("self"), BaseModel) and not frame.f_code.co_name.startswith("__"):
             code, line = frame.f_code, trace.tb_lineno
         trace = trace.tb_next
     return f"{Path(code.co_filename).name}, line {line}, {code.co_name}: {_reason(error)}"

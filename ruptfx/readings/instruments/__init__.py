@@ -1,8 +1,8 @@
 """Instruments, one kind per file; the file name is the `kind` of an entry of ``[[instruments]]``.
 
-Every reading is a sum: of nodal displacements, velocities or accelerations, or of fields of a fault,
-times constant weights. Hence the readings of all instruments of a run are one product with a sparse matrix,
-for every stepper and any number of ranks. `ruptfx.run.recording.sampling` evaluates them at the times of each instrument.
+Every reading is a sum: of nodal displacements, velocities or accelerations, or of fields of a fault, times constant
+weights. Hence the readings of all instruments of a run are one product with a sparse matrix, for every stepper and any
+number of ranks. `ruptfx.run.recording.sampling` evaluates them at the times of each instrument.
 """
 
 from __future__ import annotations
@@ -115,3 +115,6 @@ if TYPE_CHECKING:
     AnyInstrument = Instrument
 else:
     AnyInstrument = alternative("ruptfx.readings.instruments")
+
+SHARED = ("model_readings",)
+"""Files of this folder that are no kinds."""

@@ -38,8 +38,8 @@ half, where a single zone counts half, and of crack in the second. A tip that st
 *Confidence* is the share of votes for the pattern: each saved time of the second half votes with its own f
 and r at the full and at half the threshold.
 
-Modes and speeds that are the mesh's are *not resolved*: `ruptfx.results.analysis.resolution` says when. What is left is to be
-trusted if it also survives a finer mesh, which one run cannot say.
+Modes and speeds that are the mesh's are *not resolved*: `ruptfx.results.analysis.resolution` says when. What is left
+is to be trusted if it also survives a finer mesh, which one run cannot say.
 
 Source of the driven situation and the names of the modes: Coker, Lykotrafitis, Needleman, Rosakis, JMPS 53
 (2005).

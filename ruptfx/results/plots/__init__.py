@@ -26,6 +26,8 @@ __all__ = ["FIGURES", "Panels", "all_figures", "figure_of", "remarks", "save_all
 
 Draw = Callable[..., Axes | Panels]
 
+SHARED = ("surface_maps",)
+"""Files of this folder that are no kinds."""
 _FILES = {name: own_module(__name__, name) for name in own_kinds(__name__)}
 FIGURES: dict[str, Draw] = {name: getattr(file, name) for name, file in _FILES.items()}
 """The functions that draw, by name."""
