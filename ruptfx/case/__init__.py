@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -28,6 +27,7 @@ from ruptfx.input.schema import (
     find,
     json_schema,
     kinds,
+    load_toml,
     nearest,
     package_of,
     set_key,
@@ -45,6 +45,7 @@ from ruptfx.laws.contact import AnyContact
 from ruptfx.laws.friction import AnyFriction
 from ruptfx.laws.materials import IN_PLANE, AnyMaterial, Material, Plane
 from ruptfx.laws.nucleation import AnyNucleation
+from ruptfx.platform.files import require_file
 from ruptfx.readings.instruments import AnyInstrument
 from ruptfx.readings.misfits import AnyMisfit, Inference, Unknown
 from ruptfx.results.cameras import AnyCamera
@@ -60,6 +61,7 @@ FOLDERS = [
 ]  # fmt: skip
 
 
+MOST_BYTES = 200_000_000  # largest size of a case file; resolved cases contain the numbers of other files
 RECORDS = {"solid": 60}
 """Interface records of a run by default where it is not 300: those of a surface are large."""
 MOST_RECORDS = 1e7
@@ -686,28 +688,13 @@ def read_toml(path: Path) -> Table:
     if (path / "case.toml").is_file():
         raise CaseError(f"{path}: a run directory; its case is {path / 'case.toml'}, and 'ruptfx resume' continues it")
     try:
+        require_file(path, MOST_BYTES, "case files", "give a TOML file")
         return load_toml(path.read_text(encoding="utf-8-sig"))
     except CaseError as error:
         raise CaseError(f"{path}: {error}") from None
-    except (OSError, ValueError) as error:  # ValueError: invalid file name, or bytes that are not text
-        raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-
-
-def load_toml(text: str) -> Table:
-    """Return the tables of a TOML text.
-
-    Raises
-    ------
-    CaseError
-    """
-    try:
-        table = tomllib.loads(text)
-    except RecursionError:
-        raise CaseError("not valid TOML: nested too deeply; use at most 40 levels") from None
-    except ValueError as error:  # also raised by integers with thousands of digits
-        raise CaseError(f"not valid TOML: {error}") from None
-    check_tables(table)
-    return table
+    except (OSError, ValueError) as error:  # ValueError: no regular file, invalid file name, bytes that are not text
+        said = str(getattr(error, "strerror", None) or error)
+        raise CaseError(said if said.startswith(f"{path}: ") else f"{path}: cannot be read: {said}") from None
 
 
 def override(table: Table, item: str) -> None:

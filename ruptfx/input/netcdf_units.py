@@ -1,17 +1,170 @@
-"""Units and packed values of the variables of NetCDF files."""
+"""Variables of NetCDF files with their units, packed values and grids."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ruptfx import RuptfxError
 from ruptfx.input.quantities import factor
+from ruptfx.platform.files import require_file
 
 if TYPE_CHECKING:
     import h5netcdf
+    import xarray
+
+MOST_VALUES = 100_000_000  # of a variable, 0.8 GB; compressed, a small file may claim any number
+
+
+class Grid(NamedTuple):
+    """A variable on a grid: names and increasing coordinates [m] of its axes, and values, in the order of the axes."""
+
+    names: list[str]
+    coordinates: list[np.ndarray]
+    values: np.ndarray
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Convert all errors of damaged files, of which libraries raise many kinds, to one that names the file.
+
+    Raises
+    ------
+    ValueError
+    """
+    require_file(path, remedy="give a NetCDF file")
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, ValueError | RuptfxError) and str(error).startswith(str(path)):
+            raise
+        raise ValueError(f"{path}: cannot be read as NetCDF ({error!s:.200}); give a NetCDF file") from None
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5netcdf.File]:
+    """Open a NetCDF 4 file.
+
+    Raises
+    ------
+    ValueError
+        It cannot be read, or is no regular file.
+    """
+    import h5netcdf
+
+    with _readable(path), h5netcdf.File(path, "r") as file:
+        yield file
+
+
+@contextmanager
+def _opened_grid(path: Path, variable: str | None) -> Iterator[xarray.DataArray]:
+    """Open a variable of a NetCDF file of any version; without a name the only one.
+
+    Raises
+    ------
+    ValueError
+    """
+    import h5py
+    import xarray
+
+    with _readable(path):
+        if h5py.is_hdf5(path):  # coordinates are read when the file is opened
+            with h5py.File(path, "r", locking=False) as file:
+                for name, item in file.items():
+                    if isinstance(item, h5py.Dataset) and (item.ndim == 1 or name == variable):
+                        require_size(path, name, item.shape)
+        with xarray.open_dataset(path, decode_times=False, decode_timedelta=False) as data:
+            names = [str(name) for name in data.data_vars]
+            if variable is None and len(names) == 1:
+                variable = names[0]
+            if variable not in names:
+                asked = "give variable" if variable is None else f"no variable '{variable}'; give another one"
+                raise ValueError(f"{path}: {asked}, one of {', '.join(names) or 'none that it has'}")
+            require_size(path, variable, data[variable].shape)
+            yield data[variable]
+
+
+def require_size(path: Path, name: str, shape: Sequence[int], most: int = MOST_VALUES) -> None:
+    """Refuse a variable with too many values, before it is read.
+
+    Raises
+    ------
+    ValueError
+    """
+    if (count := math.prod(map(int, shape))) > most:
+        raise ValueError(f"{path}: '{name}' has {count:g} values, and variables at most {most:g}; leave out values")
+
+
+def check_grid(path: Path, variable: str, axes: Sequence[str], unit: str) -> None:
+    """Refuse units of a variable and of its axes that are unknown or of another kind, without reading its values.
+
+    Raises
+    ------
+    ValueError
+    """
+    with _opened_grid(path, variable) as found:
+        for name in found.dims:
+            if name in axes and name in found.coords:
+                _factor(path, str(name), found[name].attrs, "m")
+        _factor(path, variable, found.attrs, unit)
+
+
+def read_grid(
+    path: Path, variable: str | None, axes: Sequence[str], unit: str | None, most: int = MOST_VALUES,
+    every: bool = False,
+) -> Grid:  # fmt: skip
+    """Return a variable on a grid, in the units of its attributes `units`.
+
+    Parameters
+    ----------
+    path : Path
+    variable : str or None
+        Its name; None if the file has one only.
+    axes : sequence of str
+        Axes that it may have, in this order in the result.
+    unit : str or None
+        Unit of the values; None for the SI unit. Values without attribute are in it, coordinates in m.
+    most : int
+        Largest number of values.
+    every : bool
+        Whether it needs all the axes.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read, has too many values, other axes, a unit that is unknown or of another kind, or missing
+        values.
+    """
+    with _opened_grid(path, variable) as found:
+        name = str(found.name)
+        require_size(path, name, found.shape, most)
+        dims = [axis for axis in axes if axis in found.dims]
+        has_other = len(dims) < len(found.dims) or any(axis not in found.coords for axis in dims)
+        if has_other or not dims or (every and len(dims) < len(axes)):
+            shown = ", ".join(map(str, found.dims)) or "none"
+            wanted = f"{' and '.join(axes)}, with coordinates" if every else f"{', '.join(axes)} with coordinates"
+            raise ValueError(f"{path}: '{name}' has the axes {shown}; give it {wanted}")
+        found = found.load().transpose(*dims).sortby(dims)
+        coordinates = []
+        for axis in dims:
+            positions = np.asarray(found[axis].values, dtype=float) * _factor(path, axis, found[axis].attrs, "m")
+            if len(positions) < 2 or not np.all(np.diff(positions) > 0):
+                raise ValueError(f"{path}: {axis} needs two positions or more, each given once")
+            coordinates.append(positions)
+        values = np.asarray(found.values, dtype=float) * _factor(path, name, found.attrs, unit)
+    if not np.isfinite(values).all():
+        raise ValueError(f"{path}: '{name}' has values that are missing or not finite; fill them")
+    return Grid(dims, coordinates, values)
+
+
+def _factor(path: Path, name: str, attributes: Mapping[str, object], unit: str | None) -> float:
+    """Return the factor to a unit; one without an attribute `units`."""
+    return unit_and_factor(path, name, attributes, unit)[1] if str(attributes.get("units", "")).strip() else 1.0
 
 
 def unit_and_factor(path: Path, name: str, attributes: Mapping[str, object], unit: str | None) -> tuple[str, float]:
@@ -43,12 +196,18 @@ def unit_and_factor(path: Path, name: str, attributes: Mapping[str, object], uni
         raise ValueError(f"{path}: '{name}' has units = '{given}': {error}; correct this attribute{wanted}") from None
 
 
-def unpacked(variable: h5netcdf.Variable) -> np.ndarray:
+def unpacked(path: Path, variable: h5netcdf.Variable, most: int = MOST_VALUES) -> np.ndarray:
     """Return the numbers of a variable in its unit, NaN where they are missing.
 
     The attributes `_FillValue` and `missing_value` name stored values that are missing; the others are multiplied by
     `scale_factor`, and `add_offset` is added (CF conventions).
+
+    Raises
+    ------
+    ValueError
+        Too many numbers.
     """
+    require_size(path, variable.name, variable.shape, most)
     stored, attributes = np.asarray(variable[...]), variable.attrs
     scale, offset = float(attributes.get("scale_factor", 1.0)), float(attributes.get("add_offset", 0.0))
     values = stored.astype(float) * scale + offset

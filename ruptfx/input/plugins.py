@@ -11,7 +11,6 @@ import hashlib
 import json
 import os
 import sys
-import tomllib
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -29,11 +28,11 @@ from ruptfx.input.schema import (
     Alternative,
     CaseError,
     Part,
-    check_tables,
     home,
     installed,
     kind_in,
     load_error,
+    load_toml,
     own_kinds,
     plugged,
     set_key,
@@ -412,10 +411,9 @@ class CaseFile(Part):
         """
         loaded = {(plugin.path.name, plugin.digest) for plugin in self.plugin_files()}
         try:
-            table = tomllib.loads((directory / run_files.CASE).read_text(encoding="utf-8"))
+            table = load_toml((directory / run_files.CASE).read_text(encoding="utf-8"))
             sources = digests(directory, table.get("plugins", []))
             if loaded.issuperset(sources) and table.get("kind") == self.table().get("kind"):
-                check_tables(table)
                 table.pop("kind", None)  # of a lumped model: its class
                 return type(self).model_validate(table, context={"directory": directory}).hash
             return run_files.seal({**table, "plugins": sources} if sources else table)[:16]  # as `hash` of those tables

@@ -16,6 +16,7 @@ import inspect
 import pkgutil
 import re
 import textwrap
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from functools import cache
@@ -90,6 +91,9 @@ def shown_key(key: object) -> str:
 
 
 MAX_DEPTH = 40
+_WORD = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+DEEP_KEY = re.compile(rf"(?<![\w.-])(?:{_WORD}[ \t]*+\.[ \t]*+){{{MAX_DEPTH + 1}}}")
+"""Beginning of a dotted key with more levels than a case may have."""
 
 
 def shown_value(value: object) -> str:
@@ -133,6 +137,26 @@ def check_tables(table: Mapping[str, object]) -> None:
             raise CaseError(f"{shown_key(key[1:])}: an integer of {value.bit_length()} bits, must have at most 63")
         items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
         todo += [(f"{key}.{name}", depth + 1, item) for name, item in items]
+
+
+def load_toml(text: str) -> Table:
+    """Return the tables of a TOML text.
+
+    Raises
+    ------
+    CaseError
+    """
+    if deep := DEEP_KEY.search(text):  # first: time and memory of the parser grow with the square of levels
+        line = text.count("\n", 0, deep.start()) + 1
+        raise CaseError(f"line {line}: a key of more than {MAX_DEPTH} levels; use fewer tables in tables")
+    try:
+        table = tomllib.loads(text)
+    except RecursionError:
+        raise CaseError(f"not valid TOML: nested too deeply; use at most {MAX_DEPTH} levels") from None
+    except ValueError as error:  # also raised by integers with thousands of digits
+        raise CaseError(f"not valid TOML: {error}") from None
+    check_tables(table)
+    return table
 
 
 def plain(value: object) -> object:

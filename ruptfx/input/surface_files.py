@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationInfo
 
-from ruptfx.input.netcdf_units import unit_and_factor
+from ruptfx.input.netcdf_units import read_grid
 from ruptfx.input.number_files import read_table
 
-NAMES = ("strike", "dip")
+MOST_VALUES = 1_000_000  # the resolved case contains them
 NETCDF = (".nc", ".nc4", ".h5", ".cdf", ".netcdf")
 
 
@@ -128,32 +128,6 @@ def of_netcdf(path: Path, variable: str | None, unit: str | None) -> SurfaceGrid
     ------
     ValueError
     """
-    import xarray
-
-    try:
-        with xarray.open_dataset(path, decode_times=False) as data:
-            names = [str(name) for name in data.data_vars]
-            if variable is None and len(names) == 1:
-                variable = names[0]
-            if variable not in names:
-                asked = "give variable" if variable is None else f"no variable '{variable}'; give another one"
-                raise ValueError(f"{path}: {asked}, one of {', '.join(names) or 'none that it has'}")
-            found = data[variable].load()
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read as NetCDF ({error}); give a NetCDF or a CSV file") from None
-    if sorted(map(str, found.dims)) != ["dip", "strike"] or any(name not in found.coords for name in NAMES):
-        axes = ", ".join(map(str, found.dims)) or "none"
-        raise ValueError(f"{path}: '{variable}' has the axes {axes}; give it strike and dip, with coordinates")
-    found = found.transpose("dip", "strike").sortby(list(NAMES))
-    numbers = []
-    for what, item, wanted in (*((name, found[name], "m") for name in NAMES), (variable, found, unit)):
-        has_unit = str(item.attrs.get("units", "")).strip()
-        scale = unit_and_factor(path, what, item.attrs, wanted)[1] if has_unit else 1.0
-        numbers.append(scale * np.asarray(item.values, dtype=float))
-    strike, dip, values = numbers
-    for name, positions in zip(NAMES, (strike, dip), strict=True):
-        if len(positions) < 2 or not np.all(np.diff(positions) > 0):
-            raise ValueError(f"{path}: {name} needs two positions or more, each given once")
-    if not np.isfinite(values).all():
-        raise ValueError(f"{path}: '{variable}' has values that are missing or not finite; fill them")
-    return SurfaceGrid(strike.tolist(), dip.tolist(), values.tolist())
+    found = read_grid(path, variable, ("dip", "strike"), unit, MOST_VALUES, every=True)
+    dip, strike = found.coordinates
+    return SurfaceGrid(strike.tolist(), dip.tolist(), found.values.tolist())

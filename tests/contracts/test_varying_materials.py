@@ -273,7 +273,7 @@ def test_grid_from_a_netcdf_file(tmp_path: Path) -> None:
     assert Model(given, COMM).variation is not None
     for changes, said in (
         ({"mesh.length": 20e-3}, "x from 0 to 0.012 m does not cover the body, which has points from .* to 0.02 m"),
-        ({"materials.default.young_modulus.variable": "G"}, "no variable 'G'; it has: E"),
+        ({"materials.default.young_modulus.variable": "G"}, "no variable 'G'; .* E"),
     ):
         with pytest.raises(CaseError, match=said):
             Model(parse_case(merged(plates({"materials.default.young_modulus": grid}), changes), tmp_path), COMM)

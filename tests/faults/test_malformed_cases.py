@@ -187,13 +187,15 @@ def with_duration(text: str) -> str:
         (with_duration("duration = 1" + "0" * 5000), "not valid TOML"),
         (with_duration("duration = 0x1" + "0" * 5000), "duration: an integer of 20001 bits"),
         (with_duration("duration = " + "[" * 5000 + "]" * 5000), "nested too deeply"),
-        (with_duration("duration." + ".".join("a" * 3000) + " = 1"), "nested more than 40 levels deep"),
+        (with_duration("duration." + ".".join("a" * 3000) + " = 1"), "a key of more than 40 levels"),
+        (with_duration("[a" + 50_000 * " . 'a'" + "]"), "a key of more than 40 levels"),
+        (with_duration("b = { x." + 50_000 * "a." + "y = 1 }"), "a key of more than 40 levels"),
         (IMPACT + '\n"a\\nb" = 1\n', "unknown key ''a\\nb''"),
         (IMPACT.replace("L_p = 40e-6", 'L_p = { kind = "table", file = "a\\u0000" }'), "embedded null byte"),
         (IMPACT.replace("faults.main", 'faults."../x"'), "string should match pattern"),
         ("kind = [1]", "kind = '[1]': unknown, known: "),
     ],
-    ids=range(8),
+    ids=range(10),
 )
 def test_what_cannot_be_held_is_refused(tmp_path, text, said):
     path = tmp_path / "case.toml"

@@ -94,8 +94,7 @@ def with_materials(text: str, names: list[str], demo: str) -> str:
     RuptfxError
         An unknown material, a demo without materials, or more materials than bodies.
     """
-    from ruptfx.case import load_toml
-    from ruptfx.input.schema import nearest
+    from ruptfx.input.schema import load_toml, nearest
     from ruptfx.laws.materials.library import LIBRARY, in_words
 
     for name in names:

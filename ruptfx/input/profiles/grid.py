@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import ValidationInfo
 
+from ruptfx.input import netcdf_units
 from ruptfx.input.profiles import Profile
 from ruptfx.input.schema import CaseError, CasePath
 
+AXES = ("x", "y", "z")
 SLACK = 1e-6  # of the length of an axis: rounding of coordinates, which files often have in single precision
 
 
 class Grid(Profile):
     """Linear interpolation of a variable of a NetCDF file with the coordinates x and y, in 3D x, y and z.
 
-    The grid covers the body. Coordinates and values are in SI units; the axes may be in any order, and one that the
-    file does not have is an axis along which nothing varies.
+    The grid covers the body. Attributes `units` of the variable and its coordinates give their units, without them
+    they are in the unit of the key and m. The axes may be in any order, and one that the file does not have is an axis
+    along which nothing varies.
     """
 
     over_body: ClassVar[bool] = True
     file: CasePath
     """NetCDF file, relative to the case file."""
     variable: str
-    """Name of the variable, in the unit of the key."""
+    """Name of the variable; its unit is that of its attribute `units`, or else of the key."""
     interpolation: Literal["linear", "nearest"] = "linear"
     """`nearest`: the value of the nearest point of the grid, for layers with sharp boundaries."""
+
+    @classmethod
+    def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
+        file, variable = (values.get("file"), values.get("variable")) if isinstance(values, Mapping) else (None, None)
+        if isinstance(file, str) and isinstance(variable, str):
+            path = Path((info.context or {}).get("directory") or ".", file)
+            if path.exists():  # a file that is missing is refused when the values are read, or by `resume`
+                netcdf_units.check_grid(path, variable, AXES, unit)
+        return values
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         from scipy.interpolate import RegularGridInterpolator
@@ -51,26 +66,8 @@ class Grid(Profile):
 
 
 @lru_cache(maxsize=16)
-def _read(file: str, variable: str) -> tuple[list[str], list[np.ndarray], np.ndarray]:
-    """Return the names and coordinates of the axes, increasing, and the values."""
-    import xarray
-
+def _read(file: str, variable: str) -> netcdf_units.Grid:
     try:
-        with xarray.open_dataset(file) as data:
-            if variable not in data.data_vars:
-                known = ", ".join(map(str, data.data_vars))
-                raise CaseError(f"{file}: no variable '{variable}'; it has: {known}")
-            found = data[variable].load()
-    except (OSError, ValueError) as error:
-        raise CaseError(f"{file}: cannot be read as NetCDF ({error})") from None
-    names = [str(name) for name in found.dims]
-    if not names or any(name not in ("x", "y", "z") or name not in found.coords for name in names):
-        raise CaseError(f"{file}: '{variable}' has the axes {', '.join(names)}; name them x, y, z with coordinates")
-    found = found.sortby(names)
-    axes = [np.asarray(found[name].values, dtype=float) for name in names]
-    values = np.asarray(found.values, dtype=float)
-    if any(len(axis) < 2 or np.any(np.diff(axis) <= 0) for axis in axes):
-        raise CaseError(f"{file}: every axis needs two different coordinates at least")
-    if not np.isfinite(values).all():
-        raise CaseError(f"{file}: '{variable}' has values that are missing or not finite; fill them")
-    return names, axes, values
+        return netcdf_units.read_grid(Path(file), variable, AXES, None)
+    except ValueError as error:
+        raise CaseError(str(error)) from None

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
-from ruptfx.input.netcdf_units import unit_and_factor, unpacked
+from ruptfx.input.netcdf_units import opened, unit_and_factor, unpacked
 from ruptfx.input.quantities import factor
 from ruptfx.input.schema import CaseError, Unit
 from ruptfx.input.units import Duration, Length
@@ -133,26 +133,21 @@ def _from_text(path: Path, every: int) -> dict[str, list[float]]:
 
 
 def _from_grid(path: Path, every: int) -> dict[str, list[float]]:
-    import h5netcdf
-
-    try:
-        with h5netcdf.File(path, "r") as file:
-            names = [f"displacement_{axis}" for axis in "xy" if f"displacement_{axis}" in file.variables]
-            if not names or not {"x", "y"} <= set(file.variables):
-                raise ValueError(f"{path}: needs displacement_x and displacement_y with x and y; see `ruptfx dic`")
-            read = {}
-            for name in ("x", "y", *names):
-                unit = str(file[name].attrs.get("units", ""))
-                if unit in ("", "pixel"):
-                    raise ValueError(f"{path}: '{name}' is in pixels or has no unit; use `ruptfx dic --pixel`")
-                axes, wanted = file[name].dimensions, {name} if name in ("x", "y") else {"x", "y"}
-                if set(axes) != wanted:
-                    given, asked = ", ".join(axes) or "none", " and ".join(sorted(wanted))
-                    raise ValueError(f"{path}: '{name}' has the axes {given}; give it {asked}")
-                values = unpacked(file[name]) * unit_and_factor(path, name, file[name].attrs, "m")[1]
-                read[name] = values.T if axes == ("x", "y") else values
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error})") from None
+    with opened(path) as file:
+        names = [f"displacement_{axis}" for axis in "xy" if f"displacement_{axis}" in file.variables]
+        if not names or not {"x", "y"} <= set(file.variables):
+            raise ValueError(f"{path}: needs displacement_x and displacement_y with x and y; see `ruptfx dic`")
+        read = {}
+        for name in ("x", "y", *names):
+            unit = str(file[name].attrs.get("units", ""))
+            if unit in ("", "pixel"):
+                raise ValueError(f"{path}: '{name}' is in pixels or has no unit; use `ruptfx dic --pixel`")
+            axes, wanted = file[name].dimensions, {name} if name in ("x", "y") else {"x", "y"}
+            if set(axes) != wanted:
+                given, asked = ", ".join(axes) or "none", " and ".join(sorted(wanted))
+                raise ValueError(f"{path}: '{name}' has the axes {given}; give it {asked}")
+            values = unpacked(path, file[name]) * unit_and_factor(path, name, file[name].attrs, "m")[1]
+            read[name] = values.T if axes == ("x", "y") else values
     x, y = np.meshgrid(read["x"][::every], read["y"][::every])
     fields = {name: read[name][::every, ::every] for name in names}
     known = np.all([np.isfinite(each) for each in fields.values()], axis=0)

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
-from ruptfx.input.netcdf_units import unit_and_factor, unpacked
+from ruptfx.input.netcdf_units import opened, unit_and_factor, unpacked
 from ruptfx.input.quantities import factor
 from ruptfx.input.schema import CaseError, Name, Unit, nearest
 from ruptfx.input.units import Duration, Frequency, Instant, Positive, without_unit
@@ -232,29 +232,24 @@ def _from_text(
 def _from_run(
     path: Path, instrument: str, channels: object
 ) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
-    import h5netcdf
-
-    try:
-        with h5netcdf.File(path, "r") as file:
-            if file.groups and instrument not in file.groups:
-                raise ValueError(f"{path}: has no instrument '{instrument}', {nearest(instrument, list(file.groups))}")
-            group = file[instrument] if file.groups else file
-            names = [name for name in group.variables if name != "time" and group[name].dimensions == ("time",)]
-            if "time" not in group.variables or not names:
-                raise ValueError(f"{path}: needs a variable 'time' and channels with the dimension 'time'")
-            if isinstance(channels, Sequence):  # others may have missing values
-                names = [name for name in names if name in channels] or names
-            _, seconds = unit_and_factor(path, "time", group["time"].attrs, "s")
-            times = seconds * unpacked(group["time"])
-            units = {name: unit_and_factor(path, name, group[name].attrs, None)[0] for name in names}
-            data = {name: unpacked(group[name]) for name in names}
-            for name, each in (("time", times), *data.items()):
-                if len(wrong := np.flatnonzero(~np.isfinite(each))):
-                    others = "" if name == "time" else ", or leave out this one by naming the others in channels"
-                    raise ValueError(
-                        f"{path}: '{name}' has no finite number at {len(wrong)} of {len(each)} times, the first at "
-                        f"index {wrong[0]}; leave out these times of all channels{others}"
-                    )
-            return times.tolist(), {name: each.tolist() for name, each in data.items()}, units
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error})") from None
+    with opened(path) as file:
+        if file.groups and instrument not in file.groups:
+            raise ValueError(f"{path}: has no instrument '{instrument}', {nearest(instrument, list(file.groups))}")
+        group = file[instrument] if file.groups else file
+        names = [name for name in group.variables if name != "time" and group[name].dimensions == ("time",)]
+        if "time" not in group.variables or not names:
+            raise ValueError(f"{path}: needs a variable 'time' and channels with the dimension 'time'")
+        if isinstance(channels, Sequence):  # others may have missing values
+            names = [name for name in names if name in channels] or names
+        _, seconds = unit_and_factor(path, "time", group["time"].attrs, "s")
+        times = seconds * unpacked(path, group["time"], number_files.MOST_LINES)
+        units = {name: unit_and_factor(path, name, group[name].attrs, None)[0] for name in names}
+        data = {name: unpacked(path, group[name], number_files.MOST_LINES) for name in names}
+        for name, each in (("time", times), *data.items()):
+            if len(wrong := np.flatnonzero(~np.isfinite(each))):
+                others = "" if name == "time" else ", or leave out this one by naming the others in channels"
+                raise ValueError(
+                    f"{path}: '{name}' has no finite number at {len(wrong)} of {len(each)} times, the first at "
+                    f"index {wrong[0]}; leave out these times of all channels{others}"
+                )
+        return times.tolist(), {name: each.tolist() for name, each in data.items()}, units
