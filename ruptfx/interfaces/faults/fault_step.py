@@ -3,8 +3,9 @@
 Input of a step are the displacement at the time t of the traction and the velocity half a step earlier. It computes the
 traction at t, and with it the velocity half a step later; all of `FaultState` is then at time t.
 
-`FaultStep` is C: `points.c` and `fault_step.c` after the macros of `PointCode`. The tests have the same
-step written with arrays (`tests/helpers/reference_step.py`).
+`FaultStep` is C: `points.c` and `fault_step.c` after the macros of `PointCode`, and `held_points.c` for points whose
+mass couples normal and tangential motion (`held_points`). The tests have the same step written with arrays
+(`tests/helpers/reference_step.py`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from ruptfx.bodies.state import FaultState
 from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.held_points import HeldPoints, coupled_points, coupling_columns
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import FAILURE, PointCode, filled
 from ruptfx.interfaces.faults.points import Clock
@@ -25,7 +27,7 @@ from ruptfx.platform.codegen.tracing import constant, symbol
 def impedances(interface: Interface, inverse_mass: np.ndarray, kick: float) -> tuple[np.ndarray, np.ndarray]:
     """Return normal and shear impedance 1 / (kick w (1/m+ + 1/m-)) of every point [Pa s/m].
 
-    Shapes (n,) and (n, tangents).
+    Shapes (n,) and (n, tangents). They are exact where `coupled_points` has none.
 
     Parameters
     ----------
@@ -68,7 +70,9 @@ class FaultStep:
         self.fault, self.clock, self.work = fault, clock, 0.0
         law, face = fault.traced_law(), fault.interface
         self._inverse_mass = inverse_mass
-        self._code = PointCode(fault, law, _columns(fault, inverse_mass, clock))
+        index = np.zeros(0, np.int64) if fault.contact.traction_ends_slip else coupled_points(face, inverse_mass)
+        columns = _columns(fault, inverse_mass, clock)
+        self._code = PointCode(fault, law, _without(columns, index))
         self._nodes = [
             np.ascontiguousarray(filled(side * face.frame.shape[2]), np.int64) for side in (face.plus, face.minus)
         ]
@@ -81,6 +85,11 @@ class FaultStep:
         }
         macros = {"RADIATION": "0", "GUESS": "EACH_TANGENT guess += OLD(mean_slip_rate + k) * points->way[k][l];"}
         self._library = self._code.compile("fault_step", self.sources, known, macros)
+        self._coupled: HeldPoints | None = None
+        if len(index):
+            code = PointCode(fault, law, columns | coupling_columns(face, inverse_mass, clock.kick))
+            library = code.compile("held_points", HeldPoints.sources, known, macros)
+            self._coupled = HeldPoints(code, library, index, (self._nodes[0], self._nodes[1]))
         carried = law.carried(clock.extrapolation)
         self._times = np.array([clock.dt, clock.kick, clock.since, clock.extrapolation, carried, threshold, 0.0])
         self._threshold = threshold
@@ -139,6 +148,8 @@ class FaultStep:
             ctypes.byref(self._table), ctypes.c_void_p(self._result.ctypes.data),
         ]  # fmt: skip
         self._bound = (state, displacement, velocity, force)
+        if self._coupled is not None:
+            self._coupled.bind(state)
 
     def __call__(
         self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, time: float
@@ -154,6 +165,8 @@ class FaultStep:
         if fault.is_loaded:
             load, rate_old = fault.load(time), fault.components(state, "mean_slip_rate") * (since > 0)
             self._code.put("shear_traction_0", fault.shear_traction_0 + load)
+            if self._coupled is not None:
+                self._coupled.put("shear_traction_0", fault.shear_traction_0 + load)
         if fault.cohesion is not None:
             self._held = (np.maximum(-state["normal_stress"], 0.0), state["opening"].copy())
         self._update(state, displacement, velocity, force, time)
@@ -175,7 +188,15 @@ class FaultStep:
         if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
             self._bind(*given)
         self._times[-2:] = self.fault.threshold_at(time, self._threshold), time
+        coupled = self._coupled
+        if coupled is not None:
+            coupled.keep()
         self._library.update(*self._pointers)
+        if coupled is not None and self._result[1] < 0:
+            coupled(self._times, displacement, velocity, force)
+            sums = [0, 6, 7]
+            self._result[sums] += coupled.result[sums]
+            self._result[1:6] = coupled.result[1:6]
         if self._result[1] >= 0:
             self._code.fail(state, time, self._result)
 
@@ -185,6 +206,14 @@ class FaultStep:
         power = np.asarray(fault.contact.dissipated(load_old, load, rate_old, rate))
         work = float((fault.interface.owned * fault.interface.weight) @ power.sum(axis=1))
         self.work = work * (self.clock.since if fault.contact.traction_ends_slip else self.clock.kick)
+
+
+def _without(columns: dict[str, np.ndarray], index: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns with points that see no motion and exert no force at some indices."""
+    unused = {name: columns[name].copy() for name in ("weight", "owned_area", "frame")} if len(index) else {}
+    for values in unused.values():
+        values[index] = 0.0
+    return columns | unused
 
 
 def _columns(fault: Fault, inverse_mass: np.ndarray, clock: Clock) -> dict[str, np.ndarray]:

@@ -24,13 +24,16 @@ from numpy.typing import NDArray
 
 from ruptfx.bodies.operators import FusedOperator
 from ruptfx.input.fields import component_names
+from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.fault_step import impedances
+from ruptfx.interfaces.faults.held_points import coupled_points
 from ruptfx.interfaces.faults.points import Clock
 from ruptfx.interfaces.mechanisms.faults import Faults
 from ruptfx.many_runs.adjoint.history import LARGEST
 from ruptfx.many_runs.adjoint.point_map import InitialMap, PointMap
 from ruptfx.many_runs.adjoint.readings import Readings
 from ruptfx.many_runs.adjoint.recomputation import Moved, Recomputation
+from ruptfx.platform import parallel
 from ruptfx.readings.misfits import Request, Sample
 from ruptfx.run.recording.schedule import end_of
 
@@ -94,6 +97,8 @@ class Sweeps:
         faults = next(each for each in motion.mechanisms if isinstance(each, Faults))
         self.clocks = [Clock.of_step(self.dt, number) for number in range(3)]
         self._collect(motion)
+        if record:
+            self._refuse_coupled_points()
         self.points = [self._point_map(motion, number) for number in range(len(self.model.faults))] if record else []
         self.readings = Readings(self.model, self.dt, self.steps, requests(self.model, self.dt, self.steps))
         self.made = Recomputation(motion, faults, self.points, self.steps, most)
@@ -116,6 +121,28 @@ class Sweeps:
             self._keep.append(keep)
             self._push.append(push)
             self._mobility.append(kick.clock.kick * nodes.inverse_mass(kick))
+
+    def _refuse_coupled_points(self) -> None:
+        """Check that the mass couples normal and tangential motion at no point, as `PointMap` assumes; collective.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        for fault in self.model.faults:
+            face = fault.interface
+            rigid = not fault.contact.traction_ends_slip
+            index = coupled_points(face, self._mobility[-1]) if rigid else np.zeros(0, np.int64)
+            error = None
+            if len(index):
+                x = ", ".join(f"{value:.6g}" for value in face.points[index[0]])
+                error = CaseError(
+                    f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': no adjoint at ({x}) m, where a "
+                    "boundary holds a direction that is neither normal nor tangent to the interface; use "
+                    "contact.kind = 'compliant', or hold all directions there"
+                )
+            parallel.raise_on_all(self.model.comm, error)
 
     def _point_map(self, motion: LeapfrogMotion, number: int) -> PointMap:
         fault = self.model.faults[number]
