@@ -224,16 +224,16 @@ def _write_forces(path: Path, time: Array) -> None:
     """1 MN/m of normal force; shear force up to 0.4 of it in a ramp with a knee at 0.3, a drop to 0.2 and a ramp."""
     at = np.array([0, 0.3, 0.5, 0.55, 1.0]) * (time[-1] or 1.0)
     shear = np.interp(time, at, [0, 0.3e6, 0.4e6, 0.2e6, 0.35e6])
-    parts = np.outer(np.ones_like(time), [0.5, 0.3, 0.1, 0.1])
+    parts = np.outer(np.ones_like(time), [0.45, 0.3, 0.15, 0.1])
     table = np.column_stack([time, np.full_like(time, 1e6), shear, parts])
     rows = "\n".join(",".join(map(repr, map(float, row))) for row in table)
     path.write_text(f"# s, N/m, parts\ntime,normal_force,shear_force,sticking,sliding,open,uncovered\n{rows}\n")
 
 
 def _write_energy(path: Path, time: Array) -> None:
-    """Boundary work 100 J/m x (t/T)^2, shared 0.4, 0.2, 0.1, 0.2, 0.0998: 2e-4 of it is not accounted for."""
+    """Boundary work 100 J/m x (t/T)^2, shared 0.4, 0.22, 0.1, 0.18, 0.0998: 2e-4 of it is not accounted for."""
     work = 100.0 * (time / (time[-1] or 1.0)) ** 2
-    parts = np.outer(work, [0.4, 0.2, 0.1, 0.2, 0.0998])
+    parts = np.outer(work, [0.4, 0.22, 0.1, 0.18, 0.0998])
     closure = (work - parts.sum(axis=1)) / (work.max() or 1.0)
     table = np.column_stack([time, parts, work, closure])
     header = "time,kinetic,strain,interface_elastic,frictional_dissipation,damping,boundary_work,closure"
@@ -307,6 +307,7 @@ def _write_grid(path: Path, speed: float) -> None:
     points = np.stack([each.ravel() for each in np.meshgrid(x, y, [0.0], indexing="ij")])
     distance = np.hypot(points[0], points[1])
     pulse = np.exp(-((time[:, None] - distance / speed) ** 2)) / (1 + distance / 5e3)
+    pulse *= 1 + points[0] / 4e4 + points[1] / 5e4  # no two points move alike
     parts = {"velocity_x": pulse, "velocity_y": -0.5 * pulse, "velocity_z": 0.1 * pulse}
     data = xarray.Dataset(
         {name: (("time", "point"), values, {"units": "m/s", "long_name": name}) for name, values in parts.items()}
