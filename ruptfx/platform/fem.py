@@ -1,6 +1,6 @@
 """The finite element stack, loaded at its first use in the required order, and differences between its versions.
 
-Every other module uses ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself. Hence
+Every other module uses ``from ruptfx.platform import fem`` and never imports DOLFINx, petsc4py or mpi4py itself. Hence
 modules that compute can be imported where cases are only read, and without DOLFINx.
 """
 

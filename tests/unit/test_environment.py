@@ -28,7 +28,7 @@ def test_version_is_written_the_same_twice():
 @pytest.mark.skipif(find_spec("mpi4py") is None, reason="needs mpi4py")
 @pytest.mark.skipif("PMI_SIZE" in os.environ or "OMPI_COMM_WORLD_SIZE" in os.environ, reason="inside mpiexec already")
 def test_mpiexec_is_the_one_of_mpi4py():
-    program = "from ruptfx import fem; print(fem.MPI.COMM_WORLD.size)"
+    program = "from ruptfx.platform import fem; print(fem.MPI.COMM_WORLD.size)"
     done = subprocess.run(
         [find_mpiexec(), "-n", "2", sys.executable, "-c", program],
         capture_output=True, text=True, timeout=120, cwd=ROOT, check=True,
@@ -203,7 +203,7 @@ def test_an_ordinary_run_does_without_what_draws_and_without_scipy(tmp_path: Pat
 def test_a_program_that_ends_at_once_leaves_nothing_undone(arguments: list[str], code: int):
     """What was said is said, what others registered is done, and MPI is left in good order."""
     program = (
-        "import atexit, ctypes, sys; from ruptfx import cli, fem; fem.MPI; "
+        "import atexit, ctypes, sys; from ruptfx.app import cli; from ruptfx.platform import fem; fem.MPI; "
         "atexit.register(lambda: print('left', fem.MPI.Is_finalized())); "
         "c = ctypes.CDLL(None); c.strdup.restype = ctypes.c_void_p; "
         "c.__cxa_atexit(c.puts, ctypes.c_void_p(c.strdup(b'left C')), None); "

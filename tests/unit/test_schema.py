@@ -194,7 +194,7 @@ def test_the_public_names_are_listed() -> None:
 
 
 def test_without_dolfinx_the_error_names_commands_that_install_it() -> None:
-    code = "import sys; sys.modules['basix'] = None; from ruptfx import fem; fem.MPI"
+    code = "import sys; sys.modules['basix'] = None; from ruptfx.platform import fem; fem.MPI"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     said = done.stderr.splitlines()[-1]
     assert "DOLFINx is not installed here" in said and f"{sys.executable} -m pip install '.[fem]'" in said
