@@ -1,11 +1,14 @@
-"""An error of one rank in any phase of a step reaches all ranks: none waits for messages that do not come."""
+"""An error of one rank reaches all ranks, in any phase of a step and where a rank has no elements."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+from helpers.messages import facts
+from helpers.small_cases import SPLIT, case
 from helpers.whole_runs import starts_jobs
 
 from ruptfx.platform.launch import find_mpiexec, mpi_environment
@@ -28,3 +31,29 @@ def test_no_rank_hangs_where_another_one_fails(tmp_path: Path) -> None:
             f"{name}: failed in {phase}: {rank} here"
             for name in ("faults", "intrinsic", "extrinsic") for phase in PHASES
         ]  # fmt: skip
+
+
+def test_ranks_without_elements(tmp_path: Path) -> None:
+    """Two elements that face each other are one pair, for one rank. The number of ranks in the message works."""
+    for length, ranks in ((1e-3, 2), (4e-3, 8)):
+        given = case({
+            "order": 1, "duration": 1e-6, "faults.main.contact": SPLIT,
+            "mesh": {"kind": "two_plates", "length": length, "height": 1e-3, "element_size": 1e-3},
+        })  # fmt: skip
+        file = tmp_path / f"case_{ranks}.toml"
+        file.write_text(given.to_toml(), encoding="utf-8")
+        refused = run(file, ranks)
+        said = refused.stdout + refused.stderr
+        works = re.search(facts(rf"{ranks} ranks for {round(2e3 * length)} elements.*--ranks (\d+)"), said)
+        assert refused.returncode != 0 and works is not None and "Traceback" not in said, said
+        assert 1 <= int(works[1]) < ranks
+        done = run(file, int(works[1]))
+        assert done.returncode == 0, done.stderr
+
+
+def run(file: Path, ranks: int) -> subprocess.CompletedProcess[str]:
+    """Run a case on some ranks, from the command line."""
+    return subprocess.run(
+        [sys.executable, "-m", "ruptfx", "run", str(file), "--ranks", str(ranks), "--out",
+         str(file.with_suffix(f".{ranks}"))], capture_output=True, text=True, check=False, timeout=240,
+    )  # fmt: skip

@@ -205,10 +205,21 @@ def _from_root(
     described = comm.bcast(described, root=0)
     cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, bases, *inner = described
 
-    def partitioner(_: object, parts: int, *__: object) -> object:
-        if raw is None:
-            return _destinations(np.zeros(0, np.int32), np.zeros(1, np.int32))
-        return _destinations(*destinations(raw, parts, list(pairs.values()), sliding, neighbours))
+    split = np.zeros(0, np.int32), np.zeros(1, np.int32)
+    if raw is not None:
+        joined = list(pairs.values()), sliding, neighbours
+        split = destinations(raw, comm.size, *joined)
+        if not _all_have_cells(split, comm.size):
+            fewer = ((parts, destinations(raw, parts, *joined)) for parts in range(comm.size - 1, 0, -1))
+            works = next(parts for parts, each in fewer if _all_have_cells(each, parts))
+            error = RuptfxError(
+                f"{comm.size} ranks for {len(raw.cells)} elements, of which those at an interface stay in pairs: some "
+                f"ranks would have none; use --ranks {works}, or smaller elements"
+            )
+    parallel.raise_on_all(comm, error)
+
+    def partitioner(*_: object) -> object:
+        return _destinations(*split)
 
     cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, nodes), np.int64)
     points = raw.points if raw is not None else np.zeros((0, dim))
@@ -223,6 +234,12 @@ def _from_root(
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
     return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces, bases, *inner)
+
+
+def _all_have_cells(split: tuple[np.ndarray, np.ndarray], parts: int) -> bool:
+    """Return whether every part owns a cell, from data and offsets of `destinations`."""
+    owners, offsets = split
+    return len(np.unique(owners[offsets[:-1]])) == parts
 
 
 def _destinations(data: np.ndarray, offsets: np.ndarray) -> object:
