@@ -1,7 +1,7 @@
 # Debian 13 with its own DOLFINx 0.9: every dependency comes from apt, pip asks no network.
-#   docker build -t ruptfx:0.1.0 -t ruptfx . && docker run --rm -v "$PWD/out:/out" ruptfx
+#   docker build -t ruptfx:0.2.0 -t ruptfx . && docker run --rm -v "$PWD/out:/out" ruptfx
 FROM debian:trixie-slim
-LABEL org.opencontainers.image.title=ruptfx org.opencontainers.image.version=0.1.0 org.opencontainers.image.licenses=MIT
+LABEL org.opencontainers.image.title=ruptfx org.opencontainers.image.version=0.2.0 org.opencontainers.image.licenses=MIT
 
 # gcc, libc6-dev and python3-dev: FFCx and ruptfx compile C at run time.  libopenblas0-pthread: else reference BLAS.
 # A test keeps this list equal to the dependencies in pyproject.toml.

@@ -19,7 +19,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 Table = dict[str, Any]  # with text as keys, as in TOML and JSON
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 former_modules.install()
 
