@@ -19,7 +19,7 @@ from ruptfx.bodies import operators
 from ruptfx.bodies.boundaries.loading import Loads
 from ruptfx.bodies.operators.geometry import is_tensor
 from ruptfx.bodies.operators.memory_sweep import MemorySweep
-from ruptfx.bodies.space import axisymmetry
+from ruptfx.bodies.space import axisymmetry, mirror
 from ruptfx.bodies.space.bodies import distribute
 from ruptfx.bodies.space.closest import closest
 from ruptfx.bodies.spectrum import highest_frequency
@@ -76,6 +76,7 @@ class Model(System):
                 "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"
             )
         super().__init__(world, bodies, case.stressed_materials, case.plane, case.order, broken)
+        mirror.refuse_other_images(self)
         self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
             self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations,
             case.initial_tensor,

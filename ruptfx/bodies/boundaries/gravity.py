@@ -9,7 +9,8 @@ from pydantic import Field
 
 from ruptfx.bodies.boundaries import Action, Boundary, Force, check_vector
 from ruptfx.bodies.boundaries.histories import ramp
-from ruptfx.input.schema import Unit
+from ruptfx.bodies.space.mirror import reversed_components
+from ruptfx.input.schema import CaseError, Unit
 from ruptfx.input.units import Time
 from ruptfx.laws.materials import Plane
 
@@ -35,6 +36,14 @@ class Gravity(Boundary):
         check_vector(f"{key}.acceleration", self.acceleration, components)
 
     def act(self, loads: Loads, key: str) -> Action:
+        turned = reversed_components(loads.model)
+        names = {1: "z", 2: "xy", 3: "xyz"}[loads.model.components]
+        for name, size in zip(names, self.acceleration, strict=True):
+            if size and name in turned:
+                raise CaseError(
+                    f"{key}.acceleration = {self.acceleration}: along {name} the mirror image of a half model would "
+                    "fall the opposite way; make the whole, without half or with two plates"
+                )
         mass = loads.model.mass.reshape(-1, loads.model.components)
         weight = (mass * np.array(self.acceleration)).ravel()
         return Action(force=Force.of(weight, lambda time: ramp(time, self.ramp)))

@@ -81,6 +81,8 @@ class RawMesh:
         Rigid surface of one-sided interfaces with finite sliding.
     reference_normals : dict of str to ndarray, shape (3,)
         Normal of the reference plane of rough interfaces, in which positions are; of either sign.
+    mirror_planes : dict of str to str
+        Edge in which the plane of a mirrored interface continues, by interface: the whole is welded there.
     open_facets : ndarray of int, shape (facets, 2)
         Inner facets that are initial cracks, in bodies with `[fracture]`.
     joints : dict of str to ndarray of int, shape (facets, 2)
@@ -100,6 +102,7 @@ class RawMesh:
     non_matching: set[str] = field(default_factory=set)
     bases: dict[str, Base] = field(default_factory=dict)
     reference_normals: dict[str, np.ndarray] = field(default_factory=dict)
+    mirror_planes: dict[str, str] = field(default_factory=dict)
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joints: dict[str, np.ndarray] = field(default_factory=dict)
     order: int = 1

@@ -72,6 +72,11 @@ class Bricks:
         return {"main": "antisymmetric"} if self.half else {}
 
     @property
+    def mirror_planes(self) -> dict[str, str]:
+        """Edge in which the plane of a mirrored interface continues."""
+        return {"main": "plus.plane"} if self.half else {}
+
+    @property
     def columns(self) -> int:
         """Number of elements along x."""
         return len(self.x) - 1
@@ -224,7 +229,7 @@ class Bricks:
             cell_body=self.body_of_cells(cells),
             edges={name: facets[side == place] for name, place in number.items() if not name.startswith("main.")},
             interfaces={"main": (plus, minus)}, one_sided=self.one_sided,
-            reference_normals=self.reference_normals,
+            reference_normals=self.reference_normals, mirror_planes=self.mirror_planes,
         )  # fmt: skip
 
     def _in_order(self, facets: np.ndarray) -> np.ndarray:

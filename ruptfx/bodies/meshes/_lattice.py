@@ -40,6 +40,7 @@ class Lattice:
     interfaces: tuple[str, ...] = ()
     one_sided: dict[str, str] = field(default_factory=dict)
     reference_normals: ClassVar[dict[str, np.ndarray]] = {}
+    mirror_planes: ClassVar[dict[str, str]] = {}
     chamfer: float = 0.0
     cell: ClassVar[str] = "quadrilateral"
 

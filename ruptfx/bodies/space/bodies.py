@@ -71,6 +71,8 @@ class Bodies:
         Named inner facets, by vertices of the raw mesh.
     reference_normals : dict of str to ndarray, shape (3,)
         As in `RawMesh`.
+    mirror_planes : dict of str to str
+        As in `RawMesh`.
     """
 
     mesh: fem.dolfinx.mesh.Mesh
@@ -86,6 +88,7 @@ class Bodies:
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joints: dict[str, np.ndarray] = field(default_factory=dict)
     reference_normals: dict[str, np.ndarray] = field(default_factory=dict)
+    mirror_planes: dict[str, str] = field(default_factory=dict)
 
     @property
     def edges(self) -> list[str]:
@@ -159,7 +162,7 @@ def _from_parts(comm: fem.MPI.Comm, lattice: AnyLattice, ties: list[Tie]) -> Bod
     interfaces = [*lattice.interfaces, *lattice.one_sided]
     return Bodies(
         mesh, lattice.bodies, body.astype(np.int32), facets, tags, interfaces, lattice.one_sided, ties,
-        reference_normals=lattice.reference_normals,
+        reference_normals=lattice.reference_normals, mirror_planes=lattice.mirror_planes,
     )  # fmt: skip
 
 
@@ -200,7 +203,7 @@ def _from_root(
             raw.cell, raw.points.shape[1], raw.cells.shape[1], raw.order, raw.bodies, raw.cell_body, faces,
             raw.one_sided, named, ties, surfaces, raw.bases, np.sort(raw.open_facets, axis=1),
             {name: np.sort(facets, axis=1) for name, facets in raw.joints.items()},
-            raw.reference_normals,
+            raw.reference_normals, raw.mirror_planes,
         )  # fmt: skip
     described = comm.bcast(described, root=0)
     cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, bases, *inner = described

@@ -366,7 +366,10 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
             for place in (0, total - 1)
         )
         line = replace(line, first=_rounded(line.first - first, extent), last=_rounded(line.last + last, extent))
-    taken = plus == minus if other_side == "meshed" else np.zeros(len(plus), dtype=bool)
+    if other_side == "meshed":
+        taken = plus == minus
+    else:  # the rim of a mirrored interface, which is welded in the whole
+        taken = np.isin(plus, of_side(bodies.mirror_planes[name]) if name in bodies.mirror_planes else [])
     for earlier in () if nodes.broken else bodies.interfaces[: bodies.interfaces.index(name)]:
         theirs = of_side(f"{earlier}.plus")
         taken |= np.isin(plus, theirs if earlier in bodies.one_sided else np.setdiff1d(theirs, welded(earlier)))

@@ -101,6 +101,7 @@ def _echoes(model: System) -> Iterator[Doubt]:
     layout, boundaries = model.layout, model.case.boundaries
     silent = {boundary.edge for boundary in boundaries if isinstance(boundary, Absorbing | IncidentWave)}
     silent.update(edge for boundary in boundaries for edge in boundary.tied_edges or ())
+    silent.update(model.bodies.mirror_planes.values())
     faces = [fault.interface for fault in model.faults if len(fault.interface.points)]
     if not faces:
         return
