@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, cast
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, field_validator, model_validator
 
 from ruptfx import Table
 from ruptfx.bodies.boundaries import AnyBoundary, Boundary
@@ -17,6 +17,7 @@ from ruptfx.bodies.initial_stress import AnyBodyStress, Component, matrices
 from ruptfx.bodies.meshes import AnyMesh
 from ruptfx.case import support
 from ruptfx.input.plugins import CaseFile, active, named
+from ruptfx.input.quantities import require_units, si_and_units
 from ruptfx.input.schema import (
     Alternative,
     CaseError,
@@ -32,6 +33,7 @@ from ruptfx.input.schema import (
     package_of,
     set_key,
     shown_key,
+    unit_of_key,
     value_at,
 )
 from ruptfx.input.units import Duration, Fraction, Length, Rate, Speed, Time, VaryingGap
@@ -252,6 +254,26 @@ class Case(CaseFile):
     """Successive stages with other boundaries and damping: press, hold, shear."""
     stop_when: StopWhen | None = None
     """Rules that stop the run before its duration."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _units_of_unknowns(cls, values: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Read bounds and deviations of unknowns in the unit of their key, which is known with the case."""
+        listed = values.get("unknowns") if isinstance(values, Mapping) else None
+        if not isinstance(values, Mapping) or not isinstance(listed, list):
+            return handler(values)
+        unknowns, given = [], []
+        for number, unknown in enumerate(listed):
+            changes = {}
+            for name in ("bounds", "sigma") if isinstance(unknown, Mapping) else ():
+                if name in unknown and not (name == "sigma" and unknown.get("scale") == "log"):
+                    changes[name], units = si_and_units(unknown[name])
+                    given.append((f"unknowns.{number}.{name}", units, str(unknown.get("key"))))
+            unknowns.append({**unknown, **changes} if changes else unknown)
+        case = handler({**values, "unknowns": unknowns})
+        for key, units, of in given:
+            require_units(key, units, unit_of_key(case, of))
+        return case
 
     @field_validator("stepper", mode="before")
     @classmethod

@@ -72,6 +72,35 @@ def in_si(text: str) -> float | None:
         return None
 
 
+def si_and_units(value: object) -> tuple[object, list[str]]:
+    """Return a value with texts such as "6 MPa", also in lists, as numbers in SI units, and the units of these."""
+    if isinstance(value, list):
+        pairs = [si_and_units(item) for item in value]
+        return [item for item, _ in pairs], [unit for _, units in pairs for unit in units]
+    number = in_si(value) if isinstance(value, str) else None
+    if number is None or not isinstance(value, str):
+        return value, []
+    found = _QUANTITY.fullmatch(value)
+    assert found is not None
+    return number, [found[2]]
+
+
+def require_units(key: str, units: list[str], wanted: str) -> None:
+    """Refuse units of another kind than that of a key, whose numbers were read in SI units.
+
+    Raises
+    ------
+    ValueError
+    """
+    for unit in units:
+        try:
+            known = factor(unit, wanted) and factor(wanted, None)
+        except ValueError as error:
+            raise ValueError(f"{key}: {error}") from None
+        if known != 1:
+            raise ValueError(f"{key}: {unit}: give a number in {wanted}")
+
+
 class OtherKind(ValueError):  # noqa: N818
     """Error of a unit with another dimension than that of the key."""
 

@@ -713,6 +713,34 @@ def unit_of(part: type[Part], name: str) -> str:
     return str(found[0]) if found else "1"
 
 
+def unit_of_key(case: Part, key: str) -> str:
+    """Return the unit of a dotted key of a case; 1 if the key is not a number of a part.
+
+    Values of a profile have the unit of the key that varies.
+    """
+    node: object = case
+    unit = "1"
+    for name in key.split("."):
+        if isinstance(node, Mapping):
+            node = node.get(name)
+        elif isinstance(node, list):
+            node = node[int(name)] if name.lstrip("-").isdecimal() and -len(node) <= int(name) < len(node) else None
+        elif isinstance(node, Part) and name in type(node).model_fields:
+            unit = unit if has_mark(type(node), name, OfKey) else unit_of(type(node), name)
+            node = getattr(node, name)
+        else:
+            return "1"
+    return unit
+
+
+class OfKey:
+    """Mark of fields of profiles with the unit of the key that varies."""
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        text = {"type": "string", "pattern": NUMBER, "description": "A number and the unit of the key."}
+        return {"anyOf": [handler(core), text]}
+
+
 def has_mark(part: type[Part], name: str, mark: type) -> bool:
     """Return whether the type of a field has metadata of a class."""
     return any(isinstance(item, mark) for item in _marks(part.model_fields[name]))

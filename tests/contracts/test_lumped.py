@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -18,8 +19,9 @@ from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.input.schema import alternatives
+from ruptfx.input.schema import Part, alternatives, descriptions, unit_of
 from ruptfx.lumped import LumpedModel, Progress, read_result, rehearse, silent, simulate
+from ruptfx.lumped.spring_slider import SpringSlider
 
 MODELS = alternatives("ruptfx.lumped")
 # Names of the results of the examples that are no pure numbers, by unit.
@@ -42,6 +44,23 @@ def example(kind: str) -> LumpedModel:
     found = parse_case({"kind": kind, **tomllib.loads(MODELS[kind].example)})
     assert isinstance(found, LumpedModel)
     return found
+
+
+def test_every_key_with_a_unit_reads_text() -> None:
+    """Descriptions of keys do not name a unit, as the keys have it: '2 N' is read wherever 2 N is meant."""
+    classes, todo = dict[type[Part], None](), [Part]
+    while todo:
+        cls = todo.pop()
+        todo += cls.__subclasses__()
+        classes[cls] = None
+    for cls in [cls for cls in classes if cls.__module__.startswith("ruptfx.lumped")]:
+        for key, text in descriptions(cls).items():
+            unit = re.search(r"\[(N|N/m|kg|m|m/s|1/s|s|Pa)\]", text)
+            has_number = "float" in str(cls.model_fields[key].annotation)
+            assert not (unit and has_number) or unit_of(cls, key) == unit[1], f"{cls.__name__}.{key}"
+    model = parse_case({"kind": "spring_slider", **tomllib.loads(MODELS["spring_slider"].example),
+                        "normal_force": "2 kN", "stiffness": "3 N/um", "mass": "5 g"})  # fmt: skip
+    assert isinstance(model, SpringSlider) and (model.normal_force, model.stiffness, model.mass) == (2e3, 3e6, 5e-3)
 
 
 @pytest.mark.parametrize("kind", MODELS)

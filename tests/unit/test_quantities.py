@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from typing import Any
 
 import pytest
@@ -56,28 +54,32 @@ def test_what_is_no_time(text: str, message: str) -> None:
         parse(text, "s")
 
 
-@pytest.mark.parametrize(
-    "changes, message",
-    [
-        ({"sigma": "10 mm/s"}, r"objective.0.sigma = '10 mm/s': .* SI unit of the channels; write 0.01"),
-        ({"sigma": "ten"}, r"objective.0.sigma = 'ten': .* SI unit of the channels; write a number"),
-        ({"unknown": {"sigma": "2 MPa"}}, r"unknowns.0.sigma = '2 MPa': .* SI unit of the key.*; write 2e+06"),
-        ({"unknown": {"bounds": ["1 MPa", 3e6]}}, r"unknowns.0.bounds = .*; write [1e+06, 3e+06]"),
-    ],
-)
-def test_numbers_whose_unit_another_key_names(changes: dict[str, Any], message: str) -> None:
-    """Text is refused with the number to write instead, which is accepted."""
-    term = {"kind": "traces", "instrument": "end", "times": [1e-6, 2e-6], "sigma": changes.get("sigma", 0.01),
-            "data": {"slip": [0.0, 0.0]}, "units": {"slip": "m"}}  # fmt: skip
-    unknown = {"key": "faults.main.initial_stress.shear", "shape": "number", **changes.get("unknown", {})}
+def unknown_shear(noise: object = 0.01, **unknown: object) -> dict[str, Any]:
+    term = {"kind": "traces", "instrument": "end", "times": [1e-6, 2e-6], "sigma": noise,
+            "data": {"slip_rate": [0.0, 0.0]}, "units": {"slip_rate": "mm/s"}}  # fmt: skip
+    key = {"key": "faults.main.initial_stress.shear", "shape": "number", **unknown}
     receiver = {"kind": "fault_receiver", "name": "end", "interval": 1e-7, "position": 6e-3}
-    given = plates({"objective": [term], "unknowns": [unknown], "instruments": [receiver]})
-    with pytest.raises(CaseError, match=re.escape(message).replace(r"\.\*", ".*")):
-        parse_case(given)
-    number = message.rpartition("write ")[2]
-    if number != "a number":
-        given[message.split(".")[0]][0]["bounds" if "[" in number else "sigma"] = json.loads(number)
-        parse_case(given)
+    return plates({"objective": [term], "unknowns": [key], "instruments": [receiver]})
+
+
+def test_numbers_whose_unit_another_key_names() -> None:
+    """Deviations of channels and bounds of keys are read in the unit of these; the resolved case has SI numbers."""
+    case = parse_case(unknown_shear("10 mm/s", sigma="2 MPa", bounds=["1 bar", 3e6]))
+    assert case.objective[0].sigma == 0.01
+    assert (case.unknowns[0].sigma, case.unknowns[0].bounds) == (2e6, [1e5, 3e6])
+    assert case == parse_case(unknown_shear(0.01, sigma=2e6, bounds=[1e5, 3e6]))
+
+
+@pytest.mark.parametrize("table, message", [
+    (unknown_shear("10 mm"), r"objective\.0: sigma in mm: .* slip_rate"),
+    (unknown_shear("ten"), r"objective\.0\.sigma = 'ten': .* SI unit of the channels; write a number"),
+    (unknown_shear(sigma="2 m"), r"unknowns\.0\.sigma: .* in Pa .* m "),
+    (unknown_shear(bounds=["1 s", "3 MPa"]), r"unknowns\.0\.bounds: .* in Pa .* s "),
+    (unknown_shear(scale="log", sigma="1 MPa"), r"unknowns\.0\.sigma = '1 MPa': .* logarithm; write 1e\+06"),
+])  # fmt: skip
+def test_units_of_another_kind_than_that_key(table: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaseError, match=facts(message)):
+        parse_case(table)
 
 
 def test_wherever_a_number_with_a_unit_stands() -> None:

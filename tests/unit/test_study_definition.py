@@ -44,6 +44,32 @@ def test_grid_is_every_combination_and_cases_carry_the_values(tmp_path):
     assert pairs == {(s, v) for s in (1e6, 2e6) for v in (1.0, 3.0, 5.0)}
 
 
+def test_units_of_axes_are_those_of_their_keys(tmp_path):
+    """Texts give the same points, tables and maps as the SI numbers."""
+    text = "[[axes]]\n{sigma}\nvalues = {one}\n[[axes]]\nkey = 'boundaries.0.velocity'\nrange = {two}\npoints = 3\n"
+    text += "[[marks]]\nlabel = 'a'\npoint = {three}\n"
+    with_units = study(tmp_path, text.format(sigma=SIGMA, one="['1 MPa', 2e6, '30 bar']", two="['1 m/s', '500 cm/s']",
+                                             three="['2 MPa', 2.0]"))  # fmt: skip
+    numbers = study(tmp_path, text.format(sigma=SIGMA, one=[1e6, 2e6, 3e6], two=[1.0, 5.0], three=[2e6, 2.0]))
+    assert with_units == numbers and [axis.unit for axis in with_units.axes] == ["Pa", "m/s"]
+    assert [axis.numeric for axis in with_units.axes] == [True, True] and with_units.axes[0].values == [1e6, 2e6, 3e6]
+    assert [p.hash for p in with_units.points()] == [p.hash for p in numbers.points()]
+    together = study(tmp_path, f'[[axes]]\nname = "loading"\nkey = [{SIGMA[6:]}, "boundaries.0.velocity"]\n'
+                     'labels = ["I", "II"]\nvalues = [["6 MPa", 2.0], [30e6, "400 cm/s"]]')  # fmt: skip
+    assert together.axes[0].values == [[6e6, 2.0], [30e6, 4.0]]
+
+
+@pytest.mark.parametrize("axis, said", [
+    (f"{SIGMA}\nvalues = ['20 mm']", r"axes\.0\.values, faults\.main\.initial_stress\.normal: .* in Pa .* mm "),
+    (f"{SIGMA}\nrange = [1e6, '20 mm/s']\npoints = 2", r"range.* increase"),
+    (f"{SIGMA}\nrange = [1e-6, '20 mm/s']\npoints = 2", r"axes\.0\.range, faults\.main\.initial_stress\.normal: .* Pa"),
+    ("key = 'output.checkpoint_minutes'\nvalues = ['60 s']", r"output\.checkpoint_minutes: s: .* in min"),
+])  # fmt: skip
+def test_units_of_axes_of_another_kind_are_refused(axis, said, tmp_path):
+    with pytest.raises(CaseError, match=facts(said)):
+        study(tmp_path, f"[[axes]]\n{axis}\n")
+
+
 def test_keys_that_change_together(tmp_path):
     text = f'[[axes]]\nname = "loading"\nkey = [{SIGMA[6:]}, "boundaries.0.velocity"]\n'
     text += 'labels = ["I", "II"]\nvalues = [[6e6, 2.0], [30e6, 4.0]]'

@@ -9,27 +9,18 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler, Tag, ValidationError, ValidationInfo
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, ValidationInfo
+from pydantic_core import PydanticCustomError
 
-from ruptfx.input.schema import NUMBER, Alternative, Bound, CaseError, Unit, alternative, find, has_mark, kinds
+from ruptfx.input.schema import Alternative, Bound, CaseError, OfKey, Unit, alternative, find, has_mark, kinds
 
 PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
-
-
-class _OfKey:
-    """Mark of fields with the unit of the key that varies."""
-
-    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        text = {"type": "string", "pattern": NUMBER, "description": "A number and the unit of the key."}
-        return {"anyOf": [handler(core), text]}
 
 
 if TYPE_CHECKING:
     Value = float
 else:
-    Value = Annotated[float, _OfKey()]
+    Value = Annotated[float, OfKey()]
 
 
 class Profile(Alternative):
@@ -144,7 +135,7 @@ def with_unit(value: object, info: ValidationInfo, unit: str, *at: str | int) ->
     of_key = Unit(unit)
     given, wrong = dict(value), list[tuple[tuple[str | int, ...], object, str]]()
     for key in value:
-        if key in cls.model_fields and has_mark(cls, key, _OfKey):
+        if key in cls.model_fields and has_mark(cls, key, OfKey):
             try:
                 given[key] = of_key.read(value[key])
             except ValueError as error:
@@ -215,7 +206,7 @@ else:
     NumberOrProfile = Annotated[
         Annotated[float, Tag("<number>")] | Annotated[AnyProfile, Tag("<profile>")], Discriminator(_tag)
     ]
-    ValueOrProfile = Annotated[NumberOrProfile, _OfKey()]
+    ValueOrProfile = Annotated[NumberOrProfile, OfKey()]
 
 SHARED = ("places", "rim")
 """Files of this folder that are no kinds."""

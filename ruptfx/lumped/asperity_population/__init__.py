@@ -9,6 +9,7 @@ import xarray
 from pydantic import Field
 
 from ruptfx import Table
+from ruptfx.input.schema import Unit
 from ruptfx.input.units import Duration, Length, Positive, Speed, Strength
 from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.laws.friction.rate_and_state_base import RateAndState
@@ -35,14 +36,14 @@ class AsperityPopulation(LumpedModel):
 
     asperities: Annotated[int, Field(ge=100, le=10_000_000)] = 6000
     """Number of asperities; fewer are in contact."""
-    normal_force: Positive = 15.0
-    """W [N]; the friction coefficient does not depend on it."""
-    stiffness: Positive = 5e4
-    """Stiffness of an asperity [N/m]."""
-    activation_force: Positive = 0.5e-3
-    """f_0 [N]: creep is r sinh(force / f_0)."""
-    creep_rate: Positive = 1e-18
-    """r [m/s]."""
+    normal_force: Annotated[Positive, Unit("N")] = 15.0
+    """W; the friction coefficient does not depend on it."""
+    stiffness: Annotated[Positive, Unit("N/m")] = 5e4
+    """Stiffness of an asperity."""
+    activation_force: Annotated[Positive, Unit("N")] = 0.5e-3
+    """f_0: creep is r sinh(force / f_0)."""
+    creep_rate: Annotated[Positive, Unit("m/s")] = 1e-18
+    """r."""
     height_scale: Length = 1e-6
     """Standard deviation of the heights, which are exponentially distributed."""
     tip_radius: Length = 10e-6

@@ -8,6 +8,7 @@ import numpy as np
 import xarray
 from pydantic import Field
 
+from ruptfx.input.schema import Unit
 from ruptfx.input.units import NonNegative, Positive, Speed
 from ruptfx.lumped import LumpedModel, Progress, silent, variable
 from ruptfx.lumped.burridge_knopoff.chain import Chain, Event, load, slip_event
@@ -27,14 +28,14 @@ class BurridgeKnopoff(LumpedModel):
 
     blocks: Annotated[int, Field(ge=1, le=2000)] = 100
     """Blocks of the chain, whose ends are free."""
-    mass: Positive = 1.0
-    """Mass of a block [kg]."""
-    leaf_stiffness: Positive = 1e4
-    """Stiffness of the spring between a block and the drive [N/m]."""
-    coupling_stiffness: NonNegative = 36e4
-    """Stiffness of the spring between two blocks [N/m]."""
-    strength: Positive = 100.0
-    """Friction [N] at which a block begins to slip."""
+    mass: Annotated[Positive, Unit("kg")] = 1.0
+    """Mass of a block."""
+    leaf_stiffness: Annotated[Positive, Unit("N/m")] = 1e4
+    """Stiffness of the spring between a block and the drive."""
+    coupling_stiffness: Annotated[NonNegative, Unit("N/m")] = 36e4
+    """Stiffness of the spring between two blocks."""
+    strength: Annotated[Positive, Unit("N")] = 100.0
+    """Friction at which a block begins to slip."""
     drop: Annotated[float, Field(ge=1e-4, lt=1)] = 0.01
     """Relative drop of friction at the onset of slip."""
     weakening: NonNegative = 2.5

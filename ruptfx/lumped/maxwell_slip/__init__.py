@@ -17,6 +17,7 @@ import xarray
 from pydantic import Field, model_validator
 from scipy.stats import beta
 
+from ruptfx.input.schema import Unit
 from ruptfx.input.units import Fraction, NonNegative, Positive, Speed
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
 from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface
@@ -46,10 +47,10 @@ class MaxwellSlip(LumpedModel):
     """Number of ensembles that are drawn and averaged."""
     periods: Positive = 20.0
     """Length of the run in slip periods, drive displacements of 2 (mu_s - mu_d) N_b / k."""
-    normal_force: Positive = 100.0
-    """Load [N] on all blocks together."""
-    stiffness: Positive = 1e4
-    """Spring of one block [N/m]."""
+    normal_force: Annotated[Positive, Unit("N")] = 100.0
+    """Load on all blocks together."""
+    stiffness: Annotated[Positive, Unit("N/m")] = 1e4
+    """Spring of one block."""
     drive_speed: Speed = 1e-5
     """Speed of the body that pulls all springs."""
     threshold: Fraction = 0.13

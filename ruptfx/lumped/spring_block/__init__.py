@@ -9,6 +9,7 @@ import xarray
 from pydantic import Field, model_validator
 
 from ruptfx import RuptfxError
+from ruptfx.input.schema import Unit
 from ruptfx.input.units import Duration, Fraction, Length, NonNegative, Positive, Rate, Speed
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
 from ruptfx.lumped.spring_block.chain import Chain, History, Integrator
@@ -40,30 +41,30 @@ class SpringBlock(LumpedModel):
     """Blocks of the chain."""
     contacts: Count = 100
     """Mean number of contacts of a block."""
-    mass: Positive = 11.5
-    """Mass of the slider [kg]."""
-    stiffness: Positive = 1.56e7
-    """Stiffness of the whole slider, K [N/m]; the springs between blocks have (blocks - 1) K."""
+    mass: Annotated[Positive, Unit("kg")] = 11.5
+    """Mass of the slider."""
+    stiffness: Annotated[Positive, Unit("N/m")] = 1.56e7
+    """Stiffness of the whole slider, K; the springs between blocks have (blocks - 1) K."""
     interface_ratio: Positive = 1.0
     """Stiffness of a block's contacts over that of the slider, K_s / K: 1 is soft, 50 stiff."""
-    strength: Positive = 3000.0
-    """Sum of the mean thresholds of all contacts, F_s [N]."""
+    strength: Annotated[Positive, Unit("N")] = 3000.0
+    """Sum of the mean thresholds of all contacts, F_s."""
     scatter: Annotated[float, Field(ge=0, le=0.3)] = 0.05
     """Standard deviation of the thresholds over their mean."""
     delay: Duration = 0.005
     """Time from breaking to reattachment [s]."""
     damping: Rate = 3.45e4
     """Damping force of the base per momentum of a block."""
-    drive_stiffness: Positive = 4e6
-    """Stiffness of the spring that pushes the first block [N/m]."""
+    drive_stiffness: Annotated[Positive, Unit("N/m")] = 4e6
+    """Stiffness of the spring that pushes the first block."""
     drive_speed: Speed = 3e-4
     """Speed of the far end of that spring."""
     ageing: NonNegative = 0.0
     """Thresholds grow with the age t of a contact by the factor 1 + ageing ln(1 + t / ageing_time)."""
     ageing_time: Duration = 1.0
     """Time in which the strength of contacts grows."""
-    loading_height: NonNegative = 0.0
-    """Height of the push above the interface [m]: its moment shifts contacts towards the leading edge."""
+    loading_height: Annotated[NonNegative, Unit("m")] = 0.0
+    """Height of the push above the interface: its moment shifts contacts towards the leading edge."""
     length: Length = 0.14
     """Length of the chain."""
     force_over_load: Positive = 0.5

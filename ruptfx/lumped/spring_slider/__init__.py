@@ -9,6 +9,7 @@ import numpy as np
 import xarray
 from pydantic import Discriminator, Tag, model_validator
 
+from ruptfx.input.schema import Unit
 from ruptfx.input.units import NonNegative, Positive
 from ruptfx.laws.friction import AnyFriction
 from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
@@ -52,14 +53,14 @@ class SpringSlider(LumpedModel):
 
     friction: AnyFriction = PMMA
     """A rate and state law."""
-    normal_force: Positive = 16.0
-    """W [N]."""
-    stiffness: Positive = 1e6
-    """K of the spring [N/m]."""
-    mass: NonNegative = 0.0
-    """M [kg]; 0 is quasi-static."""
-    interface_length: NonNegative = 0.0
-    """lambda [m]: the interface is a spring of stiffness W / lambda; 0 is rigid."""
+    normal_force: Annotated[Positive, Unit("N")] = 16.0
+    """W."""
+    stiffness: Annotated[Positive, Unit("N/m")] = 1e6
+    """K of the spring."""
+    mass: Annotated[NonNegative, Unit("kg")] = 0.0
+    """M; 0 is quasi-static."""
+    interface_length: Annotated[NonNegative, Unit("m")] = 0.0
+    """lambda: the interface is a spring of stiffness W / lambda; 0 is rigid."""
     experiment: AnyExperiment = VelocitySteps()
     """Experiment with the slider."""
 

@@ -10,6 +10,7 @@ from pydantic import Field
 from scipy.optimize import brentq, fsolve
 
 from ruptfx import RuptfxError
+from ruptfx.input.schema import Unit
 from ruptfx.input.units import Positive, Speed
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment, Samples
@@ -182,8 +183,8 @@ class ModulatedLoad(Experiment):
     kind: Literal["modulated_load"] = "modulated_load"
     speed: Speed = 1e-6
     """Of the drive."""
-    frequency: Positive = 120.0
-    """Of the load [1/s]."""
+    frequency: Annotated[Positive, Unit("1/s")] = 120.0
+    """Of the load."""
     amplitudes: Annotated[list[Amplitude], Field(min_length=1)] = [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3]
     """eps, one run each."""
     critical: bool = True

@@ -18,7 +18,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from ruptfx import Table
 from ruptfx.case import Case, override, parse_case, read_toml
-from ruptfx.input.schema import CaseError, CasePath, Name, Part, nearest, set_key, unit_of
+from ruptfx.input.quantities import require_units, si_and_units
+from ruptfx.input.schema import CaseError, CasePath, Name, Part, nearest, set_key, unit_of_key
 from ruptfx.input.units import Duration, Fraction
 from ruptfx.many_runs.study.goals import Search
 
@@ -49,11 +50,11 @@ class Axis(Part):
     unit: str = "1"
     """Unit of the values in figures; default is that of the key."""
     values: Annotated[list[Any], Field(min_length=1)] | None = None
-    """The values, of any type the key takes."""
+    """The values, of any type the key takes; texts with a unit are read as numbers in the SI unit of the key."""
     labels: list[str] | list[float] | None = None
     """Labels of the values in tables and figures: names or numbers."""
     range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-    """First and last value, instead of `values`."""
+    """First and last value, instead of `values`; numbers or texts with a unit."""
     points: Annotated[int, Field(ge=2)] | None = None
     """Number of values in the range."""
     spacing: Literal["linear", "log"] = "linear"
@@ -446,37 +447,66 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     given = table.get("set", {})
     if changes and isinstance(given, Mapping):
         table["set"] = {**_flat(given), **_flat(changes)}
+    table, units = _in_si(table)
     try:
         study = Study.model_validate(table, context={"directory": path.resolve().parent})
     except ValidationError as error:
         lines = str(CaseError.from_validation(error)).splitlines()
         raise CaseError("\n".join(f"{path}: {line}" for line in lines)) from None
-    return _with_units(study)
+    return _with_units(study, units)
 
 
-def _with_units(study: Study) -> Study:
-    """Return the study with the unit of the key for every axis without one; unchanged if its first point is refused."""
+def _in_si(table: Table) -> tuple[Table, list[tuple[str, int, int, list[str]]]]:
+    """Return the tables of a study with quantities as numbers in SI units, and the units of the axes.
+
+    The units are those of the key of a name in an axis: name, number of the axis, of its key, units.
+    """
+    axes, given = [], []
+    for number, axis in enumerate(_list_of(table.get("axes"))):
+        axis = dict(axis) if isinstance(axis, Mapping) else axis
+        for name in ("values", "range") if isinstance(axis, dict) else ():
+            together = name == "values" and isinstance(axis.get("key"), list)
+            items = _list_of(axis.get(name))
+            for place in range(len(axis["key"]) if together else 1):
+                of_key = [row[place] if together and len(_list_of(row)) > place else row for row in items]
+                given.append((name, number, place, si_and_units(of_key)[1]))
+            if items:
+                axis[name] = si_and_units(items)[0]
+        axes.append(axis)
+    search = table.get("search")
+    changes: Table = {"axes": axes} if axes else {}
+    if isinstance(search, Mapping) and isinstance(search.get("start"), Mapping):
+        changes["search"] = {**search, "start": {k: si_and_units(v)[0] for k, v in search["start"].items()}}
+    if marks := [mark for mark in _list_of(table.get("marks")) if isinstance(mark, Mapping)]:
+        changes["marks"] = [{**mark, "point": si_and_units(mark.get("point"))[0]} for mark in marks]
+    return {**table, **changes}, given
+
+
+def _list_of(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _with_units(study: Study, given: Iterable[tuple[str, int, int, list[str]]]) -> Study:
+    """Return the study with the unit of the key for every axis without one; unchanged if its first point is refused.
+
+    Raises
+    ------
+    CaseError
+        A unit of an axis is of another kind than that of its key.
+    """
     try:
         case = study.point(next(study.combinations())).case
     except CaseError:  # `points` raises it again
         return study
-    units = [axis.unit if axis.unit != "1" or axis.labels else _unit_of_key(case, axis.keys[0]) for axis in study.axes]
+    for name, number, place, texts in given:
+        key = study.axes[number].keys[place]
+        try:
+            require_units(f"axes.{number}.{name}, {key}", texts, unit_of_key(case, key))
+        except ValueError as error:
+            raise CaseError(str(error)) from None
+    units = [axis.unit if axis.unit != "1" or axis.labels else unit_of_key(case, axis.keys[0]) for axis in study.axes]
     axes = [axis.model_copy(update={"unit": unit}) for axis, unit in zip(study.axes, units, strict=True)]
     return study.model_copy(update={"axes": axes})
-
-
-def _unit_of_key(case: Part, key: str) -> str:
-    """Return the unit of a dotted key of a case; 1 if the key is not a number of a part."""
-    *parents, last = key.split(".")
-    node: object = case
-    for name in parents:
-        if isinstance(node, Mapping):
-            node = node.get(name)
-        elif isinstance(node, list):
-            node = node[int(name)]
-        else:
-            node = getattr(node, name, None)
-    return unit_of(type(node), last) if isinstance(node, Part) and last in type(node).model_fields else "1"
 
 
 def _path(key: str, table: object) -> tuple[str | int, ...]:

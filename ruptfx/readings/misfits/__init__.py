@@ -156,10 +156,10 @@ class Unknown(Part):
     scale: Literal["linear", "log"] = "linear"
     """`ruptfx infer` changes the value, or its logarithm: a number is then a factor."""
     bounds: Annotated[Annotated[list[float], Field(min_length=2, max_length=2)] | None, without_unit("the key")] = None
-    """Smallest and largest value for `ruptfx infer`, in the SI unit of the key."""
+    """Smallest and largest value for `ruptfx infer`, numbers in the SI unit of the key or texts with a unit."""
     sigma: Annotated[Positive | None, without_unit("the key, with scale = 'log' of its logarithm")] = None
-    """Prior standard deviation from the value of the case, in the SI unit of the key, with `log` of its logarithm; a
-    field needs one."""
+    """Prior standard deviation from the value of the case, a number in the SI unit of the key or a text with a unit,
+    with `log` of its logarithm; a field needs one."""
     correlation_length: Length | None = None
     """Length over which the prior correlation of a field falls to 1/e."""
 

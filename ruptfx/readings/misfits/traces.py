@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
 from ruptfx.input.netcdf_units import opened, unit_and_factor, unpacked
-from ruptfx.input.quantities import factor
+from ruptfx.input.quantities import factor, si_and_units
 from ruptfx.input.schema import CaseError, Name, Unit, nearest
 from ruptfx.input.units import Duration, Frequency, Instant, Positive, without_unit
 from ruptfx.readings.filter import filtered
@@ -54,7 +55,7 @@ class Traces(Misfit):
     channels: Annotated[list[str], Field(min_length=1)] | None = None
     """Channels that count; default is all of the data."""
     sigma: Annotated[Positive, without_unit("the channels")]
-    """Standard deviation of the noise, in the SI unit of the channels."""
+    """Standard deviation of the noise, a number in the SI unit of the channels or a text with a unit."""
     begin: Instant | None = None
     """Start of the window of times that count [s]; default is the first time of the data."""
     end: Duration | None = None
@@ -69,8 +70,21 @@ class Traces(Misfit):
     @model_validator(mode="wrap")
     @classmethod
     def _from_file(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
-        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
+        if not isinstance(values, Mapping):
             return handler(values)
+        sigma, units_of_sigma = si_and_units(values.get("sigma"))
+        values = {**values, "sigma": sigma} if units_of_sigma else values
+        found = cls._read(values, handler, info) if isinstance(values.get("file"), str) else handler(values)
+        for unit, name in itertools.product(units_of_sigma, found._chosen):
+            try:
+                factor(unit, found.units.get(name, "1"))
+            except ValueError as error:
+                raise ValueError(f"sigma in {unit}: {error} for the channel {name}") from None
+        return found
+
+    @classmethod
+    def _read(cls, values: Mapping[str, Any], handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
+        """Return the term with the data of its file."""
         if values.get("data") or values.get("times"):
             raise ValueError("give either a file, or times, data and units")
         path = Path((info.context or {}).get("directory") or ".", values["file"])
