@@ -30,10 +30,10 @@ class Shown(Protocol):
 def shown_record(record: Shown) -> str:
     """Return a record as HTML: its content, its numbers, and small pictures."""
     rows = []
-    for name, value in (record.summary or {}).items():
+    for name, value in summary_fields.flat(dict(record.summary or {})).items():
         if isinstance(value, int | float | str) and not isinstance(value, bool):
             text = f"{shown(value)} {summary_fields.unit(name)}".strip()
-            rows.append(row(name, text, summary_fields.DESCRIPTIONS.get(name, "")))
+            rows.append(row(name, text, summary_fields.DESCRIPTIONS.get(name.rpartition(".")[2], "")))
     numbers = f"<details><summary><b>summary</b></summary><table>{''.join(rows)}</table></details>" * bool(rows)
     pictures = "".join(
         f'<img alt="{escape(path.stem)}" src="data:image/png;base64,{_small(path)}">'

@@ -218,7 +218,11 @@ class Files:
     def interface(self) -> Data:
         if not self.interfaces:
             raise MissingFileError(f"{self.path / 'interface.h5'}: missing; {_AGAIN}")
-        return next(iter(self.interfaces.values()))
+        first = next(iter(self.interfaces))
+        if len(self.interfaces) == 1:
+            return self.interfaces[first]
+        decisive = str((self.summary or {}).get("interface"))  # runs of earlier versions name none
+        return self.interfaces[decisive if decisive in self.interfaces else first]
 
     @cached_property
     def interfaces(self) -> Mapping[str, Data]:
@@ -227,7 +231,6 @@ class Files:
         found = {str(data.attrs.get("fault", stem)): data for stem, data in opened.items()}
         if len(found) < 2:
             return found
-        # As the case lists them: its first interface is what figures and the summary are about.
         ordered = [name for name in self.case.get("faults", {}) if name in found]
         return {name: found[name] for name in [*ordered, *(name for name in found if name not in ordered)]}
 
@@ -417,7 +420,8 @@ class Record(Files):
     summary : dict or None
         Scalars of the whole run; None until it is complete.
     interface : xarray.Dataset
-        Histories against `time` [s] and `position` [m] along the first interface, read lazily.
+        Histories against `time` [s] and `position` [m] along the interface with the largest slip, which summary and
+        figures are about (of an incomplete run the first one), read lazily.
     interfaces : dict of xarray.Dataset
         All interfaces by name, in the order of the case.
     bulk : xarray.Dataset

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ruptfx import Table
+
 UNITS_OF_FRACTURE = {
     "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
     "failed_length": "m",
@@ -16,6 +18,8 @@ UNITS = {
 }  # units of the summary; every other entry is a name or a pure number
 
 DESCRIPTIONS = {
+    "interface": "Name of the interface with the largest slip, which the scalars of modes, speeds and stresses are of.",
+    "interfaces": "Of several interfaces: table of these scalars for each by name, as interfaces.NAME.mode.",
     "mode": "Sliding mode: crack, pulse, train, mixed, arrested, none or not resolved.",
     "mode_missing": "Reason why there is no mode.",
     "mode_at_half_threshold": "Mode with half the slip-rate threshold.",
@@ -23,10 +27,12 @@ DESCRIPTIONS = {
     "mode_confidence": "Share of saved times and thresholds that agree with the pattern; 0 where it is not resolved.",
     "tip_speed": "Speed of the leading tip, fitted to its arrivals.",
     "tip_speed_error": "Standard error of the fit.",
-    "tip_speed_over_c_R": "The same over the Rayleigh speed.",
+    "tip_speed_over_c_R": "The same over the Rayleigh speed; wave speeds here and below are those beside the interface "
+    "where the tip speed is fitted, along it, of the side with the slower shear waves.",
     "tip_speed_over_c_s": "The same over the shear wave speed.",
     "tip_speed_over_c_l": "The same over the longitudinal wave speed, in plane stress that of the plate.",
-    "speed_regime": "sub-Rayleigh, sub-shear (between c_R and c_s), supershear (c_s to c_p), not resolved or unknown.",
+    "speed_regime": "sub-Rayleigh, sub-shear (between c_R and c_s), supershear (c_s to the fastest wave of both "
+    "sides), not resolved or unknown.",
     "not_resolved": "Reason why the mesh does not resolve the mode or the speed; null if no indicator was found.",
     "peak_slip_rate_resolved": "True if the peak of the largest slip rate is several nodes wide.",
     "reach": "The part of the interface that the tip ran through.",
@@ -46,16 +52,17 @@ DESCRIPTIONS = {
     "train_degree": "The same for a train of pulses.",
     "pulses_into_crack_degree": "The same for pulses that become a crack.",
     "noise": "Fraction of the slip-rate energy behind the tip at the shortest wavelength, median over its way.",
-    "first_sliding": "Time at which the slip rate first passed `output.rupture_threshold`.",
-    "peak_slip_rate": "Largest slip rate of all points and records.",
-    "max_slip": "Largest slip.",
-    "max_opening": "Largest opening.",
-    "moment": "Seismic moment of a surface: mean shear modulus times slip, integrated over it.",
+    "first_sliding": "Time at which the slip rate first passed `output.rupture_threshold`, of all interfaces.",
+    "peak_slip_rate": "Largest slip rate of all points, records and interfaces.",
+    "max_slip": "Largest slip of all interfaces.",
+    "max_opening": "Largest opening of all interfaces.",
+    "moment": "Seismic moment: shear modulus times slip, integrated over all surfaces; beside two bodies the harmonic "
+    "mean of their moduli (Wu and Chen 2003).",
     "moment_magnitude": "Its moment magnitude (Hanks and Kanamori 1979).",
-    "rupture_area": "Area of the surface that ruptured.",
-    "rupture_speed": "Median of one over the gradient of the rupture time, where there is a front.",
-    "supershear_share": "Share of that part of the surface on which the front is faster than the shear wave.",
-    "stress_drop": "Fall of the shear traction, weighted with the slip (Noda et al. 2013).",
+    "rupture_area": "Area of all surfaces that ruptured.",
+    "rupture_speed": "Median of one over the gradient of the rupture time, where there is a front; null without one.",
+    "supershear_share": "Share of that part of the surface on which the front is faster than the shear wave beside it.",
+    "stress_drop": "Fall of the shear traction of all surfaces, weighted with the slip (Noda et al. 2013).",
     "radiated_energy": "Energy radiated by all surfaces: mean work of the initial and final tractions on the slip, "
     "less what friction and cohesion take; null unless the rupture is over and driven by its initial stress alone.",
     "first_peak_stress": "Of a rectangular specimen, positive in compression: first maximum that is followed by a "
@@ -106,4 +113,13 @@ _UNITS = {"wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s"}
 
 def unit(name: str) -> str:
     """Return the unit of a field, empty for names and pure numbers."""
-    return (UNITS | _UNITS).get(name, "")
+    return (UNITS | _UNITS).get(name.rpartition(".")[2], "")
+
+
+def flat(summary: Table) -> Table:
+    """Return the scalars of a summary with those of its interfaces, as `interfaces.NAME.mode`."""
+    found = {name: value for name, value in summary.items() if name != "interfaces"}
+    tables = summary.get("interfaces") or {}
+    return found | {
+        f"interfaces.{interface}.{name}": value for interface, table in tables.items() for name, value in table.items()
+    }

@@ -10,6 +10,7 @@ from ruptfx.app.commands.export import tables
 from ruptfx.results import analysis
 from ruptfx.results.analysis.surface import (
     grid,
+    moment,
     moment_rate,
     radiated_energy,
     rupture_time_difference,
@@ -38,7 +39,7 @@ def test_a_circular_rupture(tmp_path, speed, regime):
             np.testing.assert_allclose(dip.ravel(), each.dip, atol=0.1)
         assert grid(data.isel(point=np.random.default_rng(0).permutation(3321))) is None
         radius = np.hypot(data.position.values, data.dip.values - 10e3)
-        velocity = rupture_velocity(data).ravel()
+        velocity = rupture_velocity(data)[0]
         away = (radius > 6e3) & np.isfinite(velocity)
         # At the rim differences are one-sided: there the error is of first order.
         np.testing.assert_allclose(velocity[away], speed, rtol=0.1)
@@ -55,11 +56,40 @@ def test_a_circular_rupture(tmp_path, speed, regime):
         assert f"magnitude {found['moment_magnitude']:.2f}" in verdict(found)
 
 
-def test_points_without_a_grid_have_no_speed(tmp_path):
+def test_points_without_a_grid_have_the_same_speed(tmp_path):
+    """A circular front at 2500 m/s, below c_s = 3464 m/s, on points of which every seventh is missing."""
     with Record(synthetic.write_surface_run(tmp_path / "run", structured=False)) as record:
         found = analysis.summarise(record)
-        assert grid(record.interface) is None and "rupture_speed" not in found
+        assert grid(record.interface) is None
+        assert found["rupture_speed"] == pytest.approx(2500.0, rel=0.01) and found["supershear_share"] < 0.03
         assert found["rupture_area"] > 0 and found["moment_magnitude"] > 6
+
+
+def test_the_rupture_speed_does_not_depend_on_the_axes(tmp_path):
+    """Turned by 0.4 rad in the plane of the surface, the points form no grid, and have the same speeds."""
+    with Record(synthetic.write_surface_run(tmp_path / "run")) as record:
+        data = record.interface.load()
+    turned, c, s = data.copy(deep=True), np.cos(0.4), np.sin(0.4)
+    for new, old, sign in (("position", "dip", -1), ("dip", "position", 1)):
+        turned[new] = c * data[new] + sign * s * data[old]
+    turned["x"], turned["z"] = turned["position"], -turned["dip"]
+    assert grid(data) is not None and grid(turned) is None
+    np.testing.assert_allclose(rupture_velocity(turned)[0], rupture_velocity(data)[0], rtol=1e-9)
+
+
+def test_the_modulus_of_the_moment_is_that_of_the_points_and_of_the_direction_of_slip(tmp_path):
+    """Moduli of 10 and 30 GPa along both tangents, coupled by 5 GPa, twice that in the lower half: slip at 45 degrees
+    has the modulus (10 + 30) / 2 + 5 = 25 GPa in the upper half, 50 GPa in the lower one."""
+    with Record(synthetic.write_surface_run(tmp_path / "run")) as record:
+        data = record.interface.load()
+    lower = 1.0 + (data.dip.values > 10e3)
+    for index, modulus in (("11", 10e9), ("22", 30e9), ("12", 5e9)):
+        data[f"shear_modulus_{index}"] = ("point", modulus * lower)
+    for name in ("slip", "slip_rate"):
+        data[f"{name}_1"] = data[f"{name}_2"] = data[f"{name}_1"] / np.sqrt(2)
+    area, slip, rate = (data[name].values for name in ("area", "slip_1", "slip_rate_1"))
+    assert moment(data) == pytest.approx(25e9 * float((lower * area) @ slip[-1]) * np.sqrt(2), rel=1e-12)
+    assert moment_rate(data)[-1] == pytest.approx(25e9 * float((lower * area) @ rate[-1]) * np.sqrt(2), rel=1e-12)
 
 
 def resting_crack(drop, weakening=0.0):

@@ -93,12 +93,13 @@ def compare(
 
 def _show_results(one: Record, other: Record, verbose: bool) -> None:
     """Print the results of two runs that differ by more than noise; with `verbose` all of them."""
-    from ruptfx.results.summary_fields import unit
+    from ruptfx.results.summary_fields import flat, unit
 
+    first, second = (flat(record.summary or {}) for record in (one, other))
     table = Table("", one.path.name, other.path.name, "unit", "difference", box=None, pad_edge=False)
     equal = 0
-    for key in {**(one.summary or {}), **(other.summary or {})}:
-        a, b = ((record.summary or {}).get(key) for record in (one, other))
+    for key in {**first, **second}:
+        a, b = first.get(key), second.get(key)
         if key in UNINTERESTING or (a is None and b is None):
             continue
         if is_noise(key, a, b):

@@ -57,6 +57,7 @@ def _row(run: Path, quick: bool) -> tuple[tuple[str, str, str, str, str], str]:
     except (RuptfxError, OSError) as error:
         status, damage = "damaged", str(error)
     mode = str((summary or {}).get("mode") or "")
+    mode += f" ({summary['interface']})" if mode and summary and "interfaces" in summary else ""
     return (status, mode, _newest(run), f"{_size(run) / 1e6:.1f} MB", title), damage
 
 

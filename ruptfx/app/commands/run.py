@@ -134,7 +134,7 @@ def _written(out: Path) -> tuple[int, int] | None:
 def _show_summary(out: Path, verbose: bool) -> None:
     """Print what the run found in one line, then the numbers of most interest; with `verbose` all of them."""
     from ruptfx.results.analysis.verdict import rows, verdict
-    from ruptfx.results.summary_fields import unit
+    from ruptfx.results.summary_fields import flat, unit
 
     summary = json.loads((out / "summary.json").read_text())
     said = verdict(summary)
@@ -144,7 +144,7 @@ def _show_summary(out: Path, verbose: bool) -> None:
         screen.print(said, style="bold", soft_wrap=True)
     table = Table(show_header=False, box=None, pad_edge=False)
     if verbose or not said:  # lumped models have summaries of their own
-        for key, value in summary.items():
+        for key, value in flat(summary).items():
             if isinstance(value, int | float | str) and not isinstance(value, bool):
                 table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value), unit(key))
     else:

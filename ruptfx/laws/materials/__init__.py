@@ -13,7 +13,7 @@ from ruptfx.input.profiles import Profile
 from ruptfx.input.schema import Alternative, Bound, CaseError, OwnJsonSchema, alternative, by_name
 from ruptfx.input.units import FringeConstant, VaryingDensity
 from ruptfx.laws.materials.library import LIBRARY, constants_of
-from ruptfx.laws.materials.stiffness import christoffel, surface_wave_speed, tangent_stiffness
+from ruptfx.laws.materials.stiffness import christoffel, in_frame, surface_wave_speed, tangent_stiffness
 from ruptfx.laws.materials.tensor import IDENTITY, Tensor
 
 Plane = Literal["stress", "strain", "antiplane", "solid", "axisymmetric"]
@@ -26,7 +26,7 @@ the section of bodies of revolution, along the axis and the radius."""
 
 
 class WaveSpeeds(NamedTuple):
-    """Body and Rayleigh wave speeds [m/s] along x, the usual direction of an interface.
+    """Body and Rayleigh wave speeds [m/s] along x, or along an interface.
 
     The direction matters in anisotropic bodies only. `c_p` is the plate speed c_l in plane stress, and in antiplane
     `c_p` and `c_R` equal c_s.
@@ -283,29 +283,47 @@ class Material(Alternative):
         raise NotImplementedError
 
     def wave_speeds(self, plane: Plane) -> WaveSpeeds:
-        """Return the speeds of small waves about the initial state [m/s].
-
-        Computed from the second derivative of the energy: fastest and slowest plane wave, and the wave along a free
-        surface, whose normal is y.
+        """Return the speeds of small waves about the initial state, along x at surfaces with the normal y [m/s].
 
         Raises
         ------
         RuptfxError
             A stiffness that does not follow from the energy alone, or that is not positive.
         """
-        along_x = np.eye(3 if plane == "solid" else 2)[0]
-        speeds = np.linalg.eigvalsh(self.impedance(along_x, plane)) / self.density
+        return self._wave_speeds_in(np.eye(3 if plane == "solid" else 2), plane)
+
+    def wave_speeds_along(self, frame: np.ndarray, plane: Plane) -> WaveSpeeds:
+        """Return the speeds of small waves along an interface [m/s].
+
+        Of a material that computes `wave_speeds` itself these are the same in all directions.
+
+        Parameters
+        ----------
+        frame : ndarray, shape (dim, dim)
+            Unit vectors: the direction along the interface, its normal, and in 3D the one across both.
+        plane : str
+        """
+        own = type(self).wave_speeds is not Material.wave_speeds  # of isotropic bodies, and of plug-ins
+        return self.wave_speeds(plane) if own else self._wave_speeds_in(frame, plane)
+
+    def _wave_speeds_in(self, frame: np.ndarray, plane: Plane) -> WaveSpeeds:
+        """Return fastest and slowest plane wave along the first direction, and the wave along the free surface.
+
+        Computed from the second derivative of the energy.
+        """
+        speeds = np.linalg.eigvalsh(self.impedance(frame[0], plane)) / self.density
         if plane == "antiplane":
             return WaveSpeeds(*np.repeat(speeds, 3).tolist())
-        surface = surface_wave_speed(tangent_stiffness(self, plane), self.density)
+        surface = surface_wave_speed(in_frame(tangent_stiffness(self, plane), frame), self.density)
         return WaveSpeeds(float(speeds[-1]), float(speeds[0]), surface)
 
-    def mach_free_speed(self, plane: Plane) -> float:
+    def mach_free_speed(self, plane: Plane, frame: np.ndarray | None = None) -> float:
         """Return the speed of a shear rupture along x behind which no shear Mach front travels [m/s].
 
         A plane wave (1, -m) f(x + m y - v t) has no shear stress on y = 0. It is a wave of the body at rho v^2 =
         (C_11 C_22 - C_12^2) / (C_12 + C_22), with m^2 = (C_12 + rho v^2) / C_22: sqrt(2) c_s if the body is isotropic.
-        NaN in antiplane, where x and y are no axes of symmetry, and without a stiffness.
+        NaN in antiplane, where x and y are no axes of symmetry, and without a stiffness. With a frame, as in
+        `wave_speeds_along`, x and y are its first two directions.
         Source: Coker and Rosakis (2001), Phil. Mag. A 81, 571.
         """
         if plane == "antiplane":
@@ -314,6 +332,7 @@ class Material(Alternative):
             C = tangent_stiffness(self, plane)
         except RuptfxError:  # of a plug-in that has wave speeds of its own
             return np.nan
+        C = C if frame is None else in_frame(C, frame)
         if max(abs(C[0, 0, 0, 1]), abs(C[1, 1, 0, 1])) > 1e-9 * C[0, 0, 0, 0]:
             return np.nan
         modulus = (C[0, 0, 0, 0] * C[1, 1, 1, 1] - C[0, 0, 1, 1] ** 2) / (C[0, 0, 1, 1] + C[1, 1, 1, 1])

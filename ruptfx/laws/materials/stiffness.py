@@ -89,6 +89,11 @@ def christoffel(stiffness: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return np.einsum("...j,ijkl,...l->...ik", normal, stiffness, normal)
 
 
+def in_frame(stiffness: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """Return the stiffness of plane or solid bodies in other axes, the rows of a frame, shape (d, d)."""
+    return np.asarray(np.einsum("ai,bj,ck,dl,ijkl->abcd", frame, frame, frame, frame, stiffness, optimize=True))
+
+
 def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
     """Return the speed along x of the wave at a free surface with normal y, or of the slowest bulk wave [m/s].
 

@@ -294,7 +294,7 @@ class Study(Part):
         """
         from ruptfx.many_runs.study.harvest import scalars
 
-        known = {*found, *(scalars() if isinstance(case, Case) else ())}
+        known = {*found, *(scalars(case.faults) if isinstance(case, Case) else ())}
         names = [(f"quantities.{number}", name) for number, name in enumerate(self.quantities)]
         goals = self.search.goals if self.search is not None else []
         names += [(f"search.goals.{number}.quantity", goal.quantity) for number, goal in enumerate(goals)]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 import json
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PIL import Image
 
 from ruptfx import Table
+from ruptfx.results import summary_fields
 from ruptfx.results.record import Files
 
 if TYPE_CHECKING:
@@ -23,13 +25,14 @@ PICTURES = {
 """Figures of the page and their captions."""
 
 
-def scalars() -> list[str]:
-    """Return the names of all scalars that `harvest` may find in a run with bodies."""
+def scalars(interfaces: Iterable[str] = ()) -> list[str]:
+    """Return the names of all scalars that `harvest` may find in a run with bodies and these interfaces."""
     from ruptfx.results.analysis.energy import PARTS
     from ruptfx.results.summary_fields import DESCRIPTIONS
 
     energies = [f"energy_{name}" for name in (*PARTS, "boundary_work")]
-    return [*DESCRIPTIONS, "rupture", *energies, *(f"{name}_share" for name in PARTS)]
+    several = [f"interfaces.{interface}.{name}" for interface in interfaces for name in DESCRIPTIONS]
+    return [*DESCRIPTIONS, *several, "rupture", *energies, *(f"{name}_share" for name in PARTS)]
 
 
 def harvest(run: Path, keep: list[str]) -> Table:
@@ -43,7 +46,8 @@ def harvest(run: Path, keep: list[str]) -> Table:
         pictures, run.
     """
     summary = json.loads((run / "summary.json").read_text())
-    values = {key: value for key, value in summary.items() if value is None or isinstance(value, int | float | str)}
+    scalar = summary_fields.flat(summary).items()
+    values = {key: value for key, value in scalar if value is None or isinstance(value, int | float | str)}
     slides = (run / "interface.h5").is_file() or list(run.glob("interface_*.h5"))
     if slides or (run / "events.h5").is_file():
         with Files(run, trust=True) as record:  # its plug-ins have just been executed by the run

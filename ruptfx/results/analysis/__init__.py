@@ -10,7 +10,14 @@ from ruptfx import RuptfxError, Table
 from ruptfx.results.analysis.energy import budget
 from ruptfx.results.analysis.modes import Modes, classify
 from ruptfx.results.analysis.resolution import peak_is_resolved
-from ruptfx.results.analysis.surface import is_surface, of_energies, of_surface
+from ruptfx.results.analysis.surface import (
+    all_surfaces,
+    is_surface,
+    of_surface,
+    of_surfaces,
+    radiated_energy_of,
+    wave_speeds,
+)
 from ruptfx.results.summary_fields import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES
 
 if TYPE_CHECKING:
@@ -22,6 +29,8 @@ __all__ = [
 ]
 
 OPEN, SLIDING, UNCOVERED = 0, 2, 3  # values of the field `contact`
+LARGEST = ("peak_slip_rate", "max_slip", "max_opening")
+EQUAL = 1e-6  # relative difference of the slips of two interfaces that counts as none
 
 
 def slides_far(data: Data) -> bool:
@@ -29,13 +38,23 @@ def slides_far(data: Data) -> bool:
     return "contact" in data
 
 
-def sliding_rate(record: Files) -> np.ndarray:
-    """Return the slip rate along the first interface [m/s], shape (times, points).
+def _data_of(record: Files, interface: str | None) -> Data:
+    return record.interface if interface is None else record.interfaces[interface]
+
+
+def sliding_rate(record: Files, interface: str | None = None) -> np.ndarray:
+    """Return the slip rate along an interface [m/s], shape (times, points).
 
     In finite sliding it is zero at open points: their surfaces pass each other without friction, which does not count
     as sliding.
+
+    Parameters
+    ----------
+    record : Files
+    interface : str, optional
+        Name; default: that of `record.interface`.
     """
-    data = record.interface
+    data = _data_of(record, interface)
     rate = np.asarray(data["slip_rate"].values)
     if not slides_far(data):
         return rate
@@ -47,14 +66,14 @@ def nucleation(data: Data) -> tuple[float, float]:
     return float(data.attrs.get("nucleation_time", -np.inf)), float(data.attrs.get("nucleation_position", np.nan))
 
 
-def rupture_origin(record: Files) -> tuple[float, float]:
-    """Return the position [m] and time [s] from which the rupture runs.
+def rupture_origin(record: Files, interface: str | None = None) -> tuple[float, float]:
+    """Return the position [m] and time [s] from which the rupture of an interface runs; arguments as `sliding_rate`.
 
     With a nucleation in the case: its position and time. After an impact: the driven end at time zero. Otherwise,
     and if a slow drive makes the interface slide later than a shear wave needs to run along it: where and when
     sliding began: the median of the points that slid in the first hundredth of the time that the rupture took.
     """
-    data = record.interface
+    data = _data_of(record, interface)
     position = data["position"].values
     since, center = nucleation(data)
     if np.isfinite(center):
@@ -69,46 +88,73 @@ def rupture_origin(record: Files) -> tuple[float, float]:
     return float(np.median(position[arrival <= first + 0.01 * (last - first)])), float(first)
 
 
-def modes_of(record: Files) -> Modes:
-    """Classify the sliding along the first interface of a run."""
-    data = record.interface
-    known: Table = {name: data.attrs.get(name) for name in ("V_imp", "c_R", "c_s", "c_p")}
-    if "c_p_of_bodies" in data.attrs:
-        known["c_p"] = np.max(data.attrs["c_p_of_bodies"])
-    known["loaded_end"] = rupture_origin(record)[0]
-    return classify(sliding_rate(record), data["time"].values, data["position"].values, **known)
+def modes_of(record: Files, interface: str | None = None) -> Modes:
+    """Classify the sliding along an interface of a run; arguments as `sliding_rate`."""
+    data = _data_of(record, interface)
+    rate, origin = sliding_rate(record, interface), rupture_origin(record, interface)[0]
+    return classify(
+        rate, data["time"].values, data["position"].values, loaded_end=origin, V_imp=data.attrs.get("V_imp"),
+        **wave_speeds(data),
+    )
 
 
 def summarise(record: Files) -> Table:
-    """Return scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None if undefined."""
-    data: Data | Table = record.interface if record.interfaces else {}
-    try:
-        values = _of_sliding(record) if "slip_rate" in data else {}
-    except RuptfxError as error:  # too few points for a mode; the other scalars remain valid
-        values = {"mode": None, "mode_missing": str(error)}
-    first = data["rupture_time"].values if "rupture_time" in data else np.array([])
-    values["first_sliding"] = np.min(first[np.isfinite(first)], initial=np.inf)
-    for name in ("peak_slip_rate", "max_slip", "max_opening"):
-        field = name.removeprefix("max_")
-        values[name] = _largest(data[field]) if field in data else np.nan
+    """Return scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None if undefined.
+
+    Of several interfaces the table `interfaces` has the scalars of each by name. Those of the run are of the interface
+    with the largest slip (`interface`), but for the sum of the moments and of the areas, and the first time and the
+    largest values of all interfaces. The order of the interfaces in the case does not matter.
+    """
+    each = {name: _of_interface(record, name) for name in sorted(record.interfaces)}
+    values: Table = _of_all(record, each) if each else dict.fromkeys(("first_sliding", *LARGEST), np.nan)
     if (record.path / "events.h5").is_file():
         from ruptfx.results.analysis.compression import summarise_fracture  # imported late: other runs do not need it
 
         values |= summarise_fracture(record)
     if (record.path / "energy.csv").is_file():
         values["energy_closure"] = budget(record.energy)["energy_closure"]
-    if record.interfaces and is_surface(record.interface):
-        values |= of_surface(record.interface)
-        if (record.path / "energy.csv").is_file():
-            values |= of_energies(record)
-    return {name: _plain(value) for name, value in values.items()}
+        if all_surfaces(record):
+            values["radiated_energy"] = radiated_energy_of(record)
+    if len(each) > 1:
+        values["interfaces"] = {name: _plain(found) for name, found in each.items()}
+    return _plain(values)
 
 
-def _of_sliding(record: Files) -> Table:
+def _of_interface(record: Files, name: str) -> Table:
+    """Return the scalars of one interface."""
+    data = record.interfaces[name]
+    try:
+        values = _of_sliding(record, name) if "slip_rate" in data else {}
+    except RuptfxError as error:  # too few points for a mode; the other scalars remain valid
+        values = {"mode": None, "mode_missing": str(error)}
+    first = data["rupture_time"].values if "rupture_time" in data else np.array([])
+    values["first_sliding"] = np.min(first[np.isfinite(first)], initial=np.inf)
+    for quantity in LARGEST:
+        field = quantity.removeprefix("max_")
+        values[quantity] = _largest(data[field]) if field in data else np.nan
+    return values | (of_surface(data) if is_surface(data) else {})
+
+
+def _of_all(record: Files, each: dict[str, Table]) -> Table:
+    """Return the scalars of a run from those of its interfaces."""
+    slips = {name: np.nan_to_num(found["max_slip"], nan=-1.0) for name, found in each.items()}
+    # Of slips that are equal to rounding the first name decides, on any number of ranks.
+    decisive = next(name for name, slip in slips.items() if slip >= max(slips.values()) * (1 - EQUAL))
+    values = {"interface": decisive, **each[decisive]}
+    values["first_sliding"] = min(found["first_sliding"] for found in each.values())
+    for name in ("peak_slip_rate", "max_opening"):
+        largest = max(each.values(), key=lambda found: np.nan_to_num(found[name], nan=-1.0))
+        values |= {key: largest[key] for key in (name, f"{name}_resolved") if key in largest}
+    if all_surfaces(record):
+        values |= of_surfaces(record, list(each.values()))
+    return values
+
+
+def _of_sliding(record: Files, name: str) -> Table:
     """Return the result of the classification under the names of the summary."""
-    data, modes = record.interface, modes_of(record)
+    data, modes = record.interfaces[name], modes_of(record, name)
     tip = modes.tip_speed
-    speeds = {name: float(data.attrs.get(name, np.nan)) for name in ("c_R", "c_s", "c_p")}
+    speeds = {wave: modes.speeds.get(wave, np.nan) for wave in ("c_R", "c_s", "c_p")}
     if data.attrs.get("plane") == "antiplane":  # there are shear waves only
         speeds |= {"c_R": np.nan, "c_p": np.nan}
     while_closed = np.where(data["normal_stress"].values > 0, data["slip_rate"].values, 0.0)
@@ -148,8 +194,9 @@ def _largest(values: object) -> float:
     return float(np.nanmax(numbers)) if np.isfinite(numbers).any() else float(np.nan)
 
 
-def _plain(value: object) -> object:
-    """Convert a NumPy number to Python, NaN to None, for JSON."""
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+def _plain(values: Table) -> Table:
+    """Convert NumPy numbers to Python, NaN to None, for JSON."""
+    return {
+        name: (float(value) if np.isfinite(value) else None) if isinstance(value, float | np.floating) else value
+        for name, value in values.items()
+    }

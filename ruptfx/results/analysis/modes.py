@@ -102,6 +102,8 @@ class Modes:
         Speeds of the fronts behind the tip that ran through a tenth of the reach, in order.
     degrees : dict of float
         Degree, from 0 to 1, of each of crack, pulse, train and pulses_into_crack.
+    speeds : dict of float
+        c_R, c_s, c_p and the fastest wave where the speed of the tip is fitted: one over the mean slowness [m/s].
     """
 
     mode: str
@@ -124,6 +126,7 @@ class Modes:
     healing_time: float = np.nan
     trailing_speeds: Array = field(default_factory=lambda: np.array([]))
     degrees: dict[str, float] = field(default_factory=lambda: dict.fromkeys(DEGREES, 0.0))
+    speeds: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -147,9 +150,10 @@ def classify(
     *,
     loaded_end: float | None = None,
     V_imp: float | None = None,
-    c_R: float | None = None,
-    c_s: float | None = None,
-    c_p: float | None = None,
+    c_R: float | Array | None = None,
+    c_s: float | Array | None = None,
+    c_p: float | Array | None = None,
+    fastest: float | Array | None = None,
     level: float = LEVEL,
 ) -> Modes:
     """Classify the sliding of one run; see the definitions at the top of this module.
@@ -165,8 +169,10 @@ def classify(
         interface the side that slides further is classified. Default: the left end.
     V_imp : float, optional
         Speed of the driven boundary [m/s].
-    c_R, c_s, c_p : float, optional
-        Wave speeds of the bodies [m/s], to name the speed regime; c_p of the fastest.
+    c_R, c_s, c_p : float or ndarray, shape (points,), optional
+        Wave speeds along the interface [m/s], to name the speed regime; of different bodies those of the slower one.
+    fastest : float or ndarray, shape (points,), optional
+        Speed of the fastest wave [m/s]; no tip is faster. Default: `c_p`.
     level : float
         Threshold as a fraction of `V_imp`.
 
@@ -185,17 +191,21 @@ def classify(
     half = _at_threshold(rate, time, distance, threshold / 2)
     # The votes of both thresholds count equally.
     confidence = float(np.mean([np.mean(item.votes == full.modes.pattern) for item in (full, half)]))
-    slowest = 0.1 * (c_s or np.ptp(distance) / np.ptp(time))
     reach = full.modes.reach
+    given = {"c_R": c_R, "c_s": c_s, "c_p": c_p, "fastest": c_p if fastest is None else fastest}
+    speeds = {name: _on_the_way(value, side, distance, reach) for name, value in given.items() if value is not None}
+    c_s = speeds.get("c_s")
+    slowest = 0.1 * (c_s or np.ptp(distance) / np.ptp(time))
     inside = distance <= distance[0] + reach
     fronts = trace_fronts(rate[:, inside], time, distance[inside], threshold, slowest, 0.1 * reach)
-    speeds = np.array([fit_speed(front.distance, front.time).value for front in fronts[1:]])
+    trailing = np.array([fit_speed(front.distance, front.time).value for front in fronts[1:]])
     found = replace(
         full.modes,
         mode_at_half_threshold=half.modes.mode,
         confidence=confidence,
-        regime=regime(full.modes.tip_speed.value, c_R, c_s, c_p),
-        trailing_speeds=speeds,
+        regime=regime(full.modes.tip_speed.value, speeds.get("c_R"), c_s, speeds.get("fastest")),
+        trailing_speeds=trailing,
+        speeds=speeds,
         degrees={name: (full.modes.degrees[name] + half.modes.degrees[name]) / 2 for name in DEGREES},
     )
     if found.pattern == "none":
@@ -203,9 +213,21 @@ def classify(
     doubts = find_doubts(
         slip_rate[:, side[inside]], time, distance[inside] - distance[0],
         rupture_time(rate[:, inside], time, threshold), (LOADING * reach, END * reach),
-        tip_speed=found.tip_speed.value, trailing_speeds=speeds, zone_points=found.zone_points, c_p=c_p,
+        tip_speed=found.tip_speed.value, trailing_speeds=trailing, zone_points=found.zone_points,
+        c_p=speeds.get("fastest"),
     )  # fmt: skip
     return _without_what_is_not_resolved(replace(found, doubts=doubts))
+
+
+def _on_the_way(speed: float | Array, side: Array, distance: Array, reach: float) -> float:
+    """Return one over the mean slowness of a wave where the speed of the tip is fitted [m/s]; without reach of all."""
+    if np.ndim(speed) == 0:
+        return float(speed)
+    way, slowness = distance - distance[0], 1 / np.asarray(speed)[side]
+    inside = (way >= LOADING * reach) & (way <= END * reach) if reach > 0 else np.ones(len(way), dtype=bool)
+    if np.count_nonzero(inside) < 2:
+        return float(1 / slowness[inside if inside.any() else slice(None)].mean())
+    return float(np.ptp(way[inside]) / np.trapezoid(slowness[inside], way[inside]))
 
 
 def _without_what_is_not_resolved(found: Modes) -> Modes:

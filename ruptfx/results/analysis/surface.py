@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,8 @@ AT_REST = 0.05  # of the largest moment rate: less at the end is called a ruptur
 ALIKE = 1e-3  # of the work: difference of the works of two tables whose times are half a step apart
 SPENT = ("frictional_dissipation", "fracture", "impact_loss")  # energies that the surface takes
 WAVES = ("kinetic", "strain", "damping")
-REACH = 4  # nodes to either side over which rupture times are differentiated: about an element
+NEIGHBOURS = 49  # points over which rupture times are differentiated: four nodes to all sides, about an element
+BLOCK = 20_000  # points at once, for the memory
 
 
 def is_surface(data: Data) -> bool:
@@ -91,21 +92,49 @@ def magnitude_of(data: Data, name: str, row: int) -> np.ndarray:
     return np.hypot(*(data[f"{name}_{tangent}"].isel(time=row).values for tangent in (1, 2)))
 
 
-def shear_modulus(data: Data) -> float:
-    """Return the mean shear modulus of the bodies, rho c_s^2 [Pa]."""
-    return float(np.mean(data.attrs["shear_modulus_of_bodies"]))
+def all_surfaces(record: Files) -> bool:
+    """Return whether the run has interfaces, and all of them are surfaces."""
+    return bool(record.interfaces) and all(map(is_surface, record.interfaces.values()))
+
+
+def wave_speeds(data: Data) -> dict[str, Any]:
+    """Return c_R, c_s, c_p and the fastest wave along an interface [m/s], each of shape (points,) or a number.
+
+    They are those beside every point: c_R, c_s and c_p of the side with the slower shear waves. Runs of earlier
+    versions have one number, of the body with the slowest shear waves.
+    """
+    if "fastest_wave" in data:
+        names = {"c_R": "c_R", "c_s": "c_s", "c_p": "c_p", "fastest": "fastest_wave"}
+        return {name: np.asarray(data[column].values) for name, column in names.items()}
+    found = {name: float(data.attrs[name]) for name in ("c_R", "c_s", "c_p") if name in data.attrs}
+    fastest = data.attrs.get("c_p_of_bodies", found.get("c_p"))
+    return found if fastest is None else found | {"fastest": float(np.max(fastest))}
+
+
+def _times_modulus(data: Data, name: str, row: int) -> float:
+    """Return the shear modulus in the direction of a tangential field times its length, integrated over a surface.
+
+    Beside two bodies the modulus is the harmonic mean of both: slip then has the moment that it has in a uniform body
+    in which the same stress drop causes it (Source: Wu and Chen 2003). Runs of earlier versions have the mean over all
+    bodies.
+    """
+    area, length = data["area"].values, magnitude_of(data, name, row)
+    if "shear_modulus_11" not in data:
+        return float(np.mean(data.attrs["shear_modulus_of_bodies"])) * float(area @ length)
+    along, across = (data[f"{name}_{tangent}"].isel(time=row).values for tangent in (1, 2))
+    G_11, G_22, G_12 = (data[f"shear_modulus_{index}"].values for index in ("11", "22", "12"))
+    energy = G_11 * along**2 + 2 * G_12 * along * across + G_22 * across**2
+    return float(area @ (energy / np.where(length > 0, length, 1.0)))
 
 
 def moment_rate(data: Data) -> np.ndarray:
     """Return the moment rate at every record [N m/s]: shear modulus times slip rate, integrated over the surface."""
-    area = data["area"].values
-    rates = [float(area @ magnitude_of(data, "slip_rate", row)) for row in range(data.sizes["time"])]
-    return shear_modulus(data) * np.array(rates)
+    return np.array([_times_modulus(data, "slip_rate", row) for row in range(data.sizes["time"])])
 
 
 def moment(data: Data, row: int = -1) -> float:
     """Return the moment at a record [N m]: shear modulus times slip, integrated over the surface."""
-    return shear_modulus(data) * float(data["area"].values @ magnitude_of(data, "slip", row))
+    return _times_modulus(data, "slip", row)
 
 
 def moment_magnitude(moment: float) -> float:
@@ -113,27 +142,62 @@ def moment_magnitude(moment: float) -> float:
     return float((np.log10(moment) - 9.1) / 1.5) if moment > 0 else np.nan
 
 
-def rupture_velocity(data: Data) -> np.ndarray | None:
-    """Return the rupture speed at the points of a structured surface [m/s], shape (strike, dip); None without a grid.
+def rupture_velocity(data: Data) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rupture speed at the points of a surface, and the speed of shear waves in its direction [m/s].
 
-    It is one over the gradient of the rupture time, from differences over `REACH` nodes to either side (less at the
-    rim). NaN where the stencil has not ruptured, and where the speed exceeds that of the fastest wave: points that
-    start to slip together, as in a nucleation patch, have no front.
+    It is one over the gradient of the rupture time in the plane of the points around each: that of the linear function
+    with the least squares of differences at the `NEIGHBOURS` nearest points, whose weights fall to zero with the
+    distance. NaN where one of these has not ruptured, and where the speed exceeds that of the fastest wave beside the
+    point: points that start to slip together, as in a nucleation patch, have no front.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (points,)
     """
-    positions = grid(data)
-    if positions is None:
-        return None
-    times = data["rupture_time"].values.reshape(len(positions[0]), len(positions[1]))
-    slowness = np.zeros_like(times)
-    for axis, x in enumerate(positions):
-        last = len(x) - 1
-        low, high = np.maximum(np.arange(len(x)) - REACH, 0), np.minimum(np.arange(len(x)) + REACH, last)
-        rise = np.take(times, high, axis=axis) - np.take(times, low, axis=axis)
-        run = (x[high] - x[low]).reshape((-1, 1) if axis == 0 else (1, -1))
-        slowness += (rise / run) ** 2
-    with np.errstate(divide="ignore"):
-        speed = 1 / np.sqrt(slowness)
-    return np.where(speed <= np.max(data.attrs["c_p_of_bodies"]), speed, np.nan)
+    names = [axis for axis in "xyz" if axis in data]
+    points = np.stack([data[axis].values for axis in (names if len(names) == 3 else ("position", "dip"))], axis=1)
+    times, strike = data["rupture_time"].values, data["position"].values
+    speeds = wave_speeds(data)
+    gradients = _gradients(points, np.stack([times, strike], axis=1))
+    slowness = np.linalg.norm(gradients[:, 0], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = 1 / slowness
+        # The gradient of the position is the direction of strike in the surface.
+        cosine = np.sum(gradients[:, 0] * gradients[:, 1], axis=1) / slowness
+    shear = np.broadcast_to(speeds["c_s"], speed.shape)
+    if "c_s_dip" in data:
+        part = np.clip(cosine / np.linalg.norm(gradients[:, 1], axis=1), -1, 1) ** 2
+        shear = np.sqrt(part * shear**2 + (1 - part) * data["c_s_dip"].values ** 2)
+    return np.where(speed <= speeds["fastest"], speed, np.nan), shear
+
+
+def _gradients(points: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return gradients in a surface, shape (points, values, axes), as `rupture_velocity` describes.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, axes)
+        [m].
+    values : ndarray, shape (n, values)
+    """
+    from scipy.spatial import KDTree  # its import would take longer than the start of a run
+
+    found, tree = [], KDTree(points)
+    for begin in range(0, len(points), BLOCK):
+        centre = points[begin : begin + BLOCK]
+        distance, near = tree.query(centre, k=min(NEIGHBOURS, len(points)))
+        # Points at the largest distance have no weight: which of several equally far ones these are does not matter.
+        weight = np.maximum(1 - (distance / distance[:, -1:]) ** 2, 0.0) ** 2
+        weight[weight < TOUCH] = 0.0
+        away = points[near] - centre[:, None]
+        away -= np.sum(weight[..., None] * away, axis=1, keepdims=True) / weight.sum(axis=1)[:, None, None]
+        moments = np.einsum("nk,nki,nkj->nij", weight, away, away)
+        size, axes = np.linalg.eigh(moments)
+        size, axes = size[:, -2:], axes[:, :, -2:]  # those of the surface, without its normal
+        differences = np.where(weight[..., None] > 0, values[near] - values[begin : begin + BLOCK][:, None], 0.0)
+        slopes = np.einsum("nk,nki,nia,nkv->nva", weight, away, axes, differences, optimize=True)
+        found.append(np.einsum("nva,nia->nvi", slopes / np.maximum(size, 1e-300)[:, None], axes))
+    return np.concatenate(found)
 
 
 def work(data: Data, row: int) -> float:
@@ -142,18 +206,20 @@ def work(data: Data, row: int) -> float:
     return float(data["area"].values @ (shear - data["normal_stress"].values[row] * data["opening"].values[-1]))
 
 
-def stress_drop(data: Data) -> float:
-    """Return the slip-weighted stress drop at the last record [Pa]; NaN without slip.
+def stress_drop(*surfaces: Data) -> float:
+    """Return the slip-weighted stress drop of surfaces at the last record [Pa]; NaN without slip.
 
     It is the work of the fall of the shear traction since the first record on the slip, over the integral of the slip.
     Source: Noda, Lapusta and Kanamori (2013).
     """
-    slip = [data[f"slip_{i}"].values[-1] for i in (1, 2)]
-    falls = (data[f"shear_traction_{i}"].values[[0, -1]] for i in (1, 2))
-    dropped = sum((first - last) * moved for (first, last), moved in zip(falls, slip, strict=True))
-    area = data["area"].values
-    weight = float(area @ np.hypot(*slip))
-    return float(area @ dropped) / weight if weight > 0 else np.nan
+    fallen = weight = 0.0
+    for data in surfaces:
+        slip = [data[f"slip_{i}"].values[-1] for i in (1, 2)]
+        falls = (data[f"shear_traction_{i}"].values[[0, -1]] for i in (1, 2))
+        dropped = sum((first - last) * moved for (first, last), moved in zip(falls, slip, strict=True))
+        area = data["area"].values
+        fallen, weight = fallen + float(area @ dropped), weight + float(area @ np.hypot(*slip))
+    return fallen / weight if weight > 0 else np.nan
 
 
 def radiated_energy(surfaces: Iterable[Data], energy: Mapping[str, object] | Data) -> float:
@@ -185,14 +251,13 @@ def radiated_energy(surfaces: Iterable[Data], energy: Mapping[str, object] | Dat
     return 0.5 * (first + final) - sum(last.get(name, 0.0) for name in SPENT)
 
 
-def of_energies(record: Files) -> Table:
-    """Return stress drop and radiated energy of a rupture on surfaces for the summary, where they are defined."""
-    if not record.interface.sizes["time"] or not np.size(record.energy["time"]):
-        return {}
-    energy = np.nan
-    if "displacement_jump" not in record.interface:  # springs of contact take energy, too
-        energy = radiated_energy(record.interfaces.values(), record.energy)
-    return {"stress_drop": stress_drop(record.interface), "radiated_energy": energy}
+def radiated_energy_of(record: Files) -> float:
+    """Return the energy radiated by all surfaces of a run [J]; NaN where it is not defined."""
+    surfaces = record.interfaces.values()
+    recorded = all(data.sizes["time"] for data in surfaces) and np.size(record.energy["time"])
+    # Springs of contact take energy, too.
+    springs = any("displacement_jump" in data for data in surfaces)
+    return radiated_energy(surfaces, record.energy) if recorded and not springs else np.nan
 
 
 def of_surface(data: Data) -> Table:
@@ -201,16 +266,27 @@ def of_surface(data: Data) -> Table:
         return {}
     area, slip, last = data["area"].values, magnitude_of(data, "slip", -1), moment(data)
     ruptured = np.isfinite(data["rupture_time"].values)
-    found: Table = {
+    speed, shear = rupture_velocity(data)
+    front = np.isfinite(speed)
+    return {
         "moment": last,
         "moment_magnitude": moment_magnitude(last),
         "rupture_area": float(area[ruptured].sum()),
         "max_slip": float(slip.max()),
         "peak_slip_rate": float(np.max(data["peak_slip_rate"].values)),
+        "rupture_speed": float(np.median(speed[front])) if front.any() else np.nan,
+        "supershear_share": float(area[front & (speed > shear)].sum() / area[front].sum()) if front.any() else np.nan,
+        "stress_drop": stress_drop(data),
     }
-    speed = rupture_velocity(data)
-    if speed is not None and np.isfinite(speed).any():
-        known, weight = np.isfinite(speed), area.reshape(speed.shape)
-        found["rupture_speed"] = float(np.median(speed[known]))
-        found["supershear_share"] = float(weight[speed > data.attrs["c_s"]].sum() / weight[known].sum())
-    return found
+
+
+def of_surfaces(record: Files, each: list[Table]) -> Table:
+    """Return the scalars of all surfaces of a run together, from those of each."""
+    if any("moment" not in found for found in each):
+        return {}
+    total = sum(found["moment"] for found in each)
+    return {
+        "moment": total, "moment_magnitude": moment_magnitude(total),
+        "rupture_area": sum(found["rupture_area"] for found in each),
+        "stress_drop": stress_drop(*record.interfaces.values()),
+    }  # fmt: skip

@@ -21,12 +21,17 @@ _SHARES = ("tensile_share", "energy_closure")
 def verdict(summary: Table) -> str:
     """Return what a run found in one line; empty where its summary names neither a mode nor facets that failed.
 
+    Of several interfaces it names the one with the largest slip, of which mode, speeds and magnitude are.
+
     Parameters
     ----------
     summary : dict
         Content of `summary.json`.
     """
-    parts = [*_sliding(summary), *_surface(summary), *_fracture(summary)]
+    parts = [*_sliding(summary), *_surface(summary)]
+    if parts and "interfaces" in summary:
+        parts[0] = f"{summary['interface']}: {parts[0]}"
+    parts += _fracture(summary)
     if reason := summary.get("not_resolved"):
         parts.append(f"not resolved: {reason}")
     return ", ".join(parts)

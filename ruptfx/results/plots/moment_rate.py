@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ruptfx.results.analysis.surface import moment, moment_magnitude, shear_modulus
+from ruptfx.results.analysis.surface import magnitude_of, moment, moment_magnitude
 from ruptfx.results.analysis.surface import moment_rate as rate_of
 from ruptfx.results.plots._record import has_surface
 from ruptfx.results.plots._sheet import Sheet, figure
@@ -52,5 +52,5 @@ def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
     sheet.letter(axes)
     last = sum(float(each[-1]) for each in moments.values())
     if last > 0:
-        modulus = shear_modulus(record.interface)
-        sheet.remark(f"Moment magnitude {moment_magnitude(last):.2f}; shear modulus {modulus:.4g} Pa.")
+        potency = sum(float(data["area"].values @ magnitude_of(data, "slip", -1)) for data in surfaces.values())
+        sheet.remark(f"Moment magnitude {moment_magnitude(last):.2f}; mean shear modulus {last / potency:.4g} Pa.")

@@ -10,7 +10,8 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.interfaces.faults.fault import Fault
-from ruptfx.interfaces.faults.interface import Interface
+from ruptfx.interfaces.faults.interface import FLAT, Interface
+from ruptfx.interfaces.faults.sides import Sides, sides_of
 from ruptfx.interfaces.mechanisms.faults import Faults
 from ruptfx.laws.nucleation import first_begun
 from ruptfx.platform import fem, parallel
@@ -38,19 +39,29 @@ class FaultRecords(Records):
         self.figures = OF_SURFACES if all(surfaces) else OF_LINES
         self._of = {fault.name: mechanism for mechanism in mechanisms for fault in mechanism.faults}
         self._places: list[dict[str, np.ndarray]] = []
+        self._sides: list[Sides] = []
+        self._frames: list[np.ndarray | None] = []
         self._files: dict[str, InterfaceFile] = {}
 
     def names(self) -> list[str]:
         return [file_name(self.model, fault, "interface", "h5") for fault in self.model.faults]
 
     def gather(self) -> None:
-        self._places = [_positions(self.model.comm, fault.interface) for fault in self.model.faults]
+        self._sides = [sides_of(self.model, fault.interface) for fault in self.model.faults]
+        self._frames = [_frame(self.model.comm, fault.interface) for fault in self.model.faults]
+        self._places = [
+            _columns(self.model.comm, fault.interface, sides)
+            for fault, sides in zip(self.model.faults, self._sides, strict=True)
+        ]
 
     def open(self, opening: Opening) -> None:
-        for fault, place, name in zip(self.model.faults, self._places, self.names(), strict=True):
-            attributes, kept = self._attributes(fault, place, opening.about), opening.kept("interface")
+        rows = zip(self.model.faults, self._places, self._sides, self._frames, self.names(), strict=True)
+        for fault, place, sides, frame, name in rows:
+            attributes = self._attributes(fault, place, sides, frame) | opening.about
             fields = self._of[fault.name].recorded_fields()
-            self._files[fault.name] = InterfaceFile(opening.out / name, fault, place, attributes, kept, fields)
+            self._files[fault.name] = InterfaceFile(
+                opening.out / name, fault, place, attributes, opening.kept("interface"), fields
+            )
 
     def read(self, state: State) -> tuple[float, dict[str, dict[str, np.ndarray]]]:
         return state.fault_time, {fault.name: self._gather(fault, state) for fault in self.model.faults}
@@ -89,21 +100,22 @@ class FaultRecords(Records):
             numbers += records * fault.interface.total * (len(names) + len(fault.state_fields()))
         return numbers
 
-    def _attributes(self, fault: Fault, place: dict[str, np.ndarray], about: Table) -> Table:
-        case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
+    def _attributes(
+        self, fault: Fault, place: dict[str, np.ndarray], sides: Sides, frame: np.ndarray | None
+    ) -> Table:
+        case, line, bodies = self.model.case, fault.interface.line, self.model.bodies
         # The end of the interface next to a driven edge, or the left end.
         right = any(edge.endswith(".right") for edge in case.driven_edges)
-        of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
-        if (varying := self.model.variation) is not None:
-            of_bodies[:, 0] = varying.fastest
-        if not (body := self.model.materials[0]).isotropic:
-            about = {"mach_free_speed": body.mach_free_speed(case.plane), **about}
+        about: Table = {}
+        if not (body := self.model.materials[bodies.names.index(next(iter(sides.bodies)))]).isotropic:
+            about["mach_free_speed"] = np.nan if frame is None else body.mach_free_speed(case.plane, frame)
         onset, center = first_begun(fault.nucleation)
         return {
-            "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
-            "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
-            "bodies": self.model.bodies.names, "c_p_of_bodies": of_bodies[:, 0], "c_s_of_bodies": of_bodies[:, 1],
-            "shear_modulus_of_bodies": np.array([m.density for m in self.model.materials]) * of_bodies[:, 1] ** 2,
+            "fault": fault.name, "position_measure": line.measure, "origin": line.origin, "plane": case.plane,
+            # One over the mean slowness of the points.
+            **{name: float(1 / np.mean(1 / place[name])) for name in ("c_p", "c_s", "c_R")},
+            "bodies": list(sides.bodies), "c_p_of_bodies": np.array([c_p for c_p, _ in sides.bodies.values()]),
+            "c_s_of_bodies": np.array([c_s for _, c_s in sides.bodies.values()]),
             "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
             "loaded_end": float(place["position"][-1 if right else 0]), "complete": 0,
             "nucleation_time": onset, "nucleation_position": center,
@@ -118,9 +130,23 @@ def file_name(model: Model, fault: Fault, begin: str, ending: str) -> str:
     return f"{begin}.{ending}" if len(model.faults) == 1 else f"{begin}_{fault.name}.{ending}"
 
 
-def _positions(comm: fem.MPI.Comm, face: Interface) -> dict[str, np.ndarray]:
-    """Return positions and coordinates of the points of an interface on rank 0 [m]; of a surface dip and area, too."""
+def _columns(comm: fem.MPI.Comm, face: Interface, sides: Sides) -> dict[str, np.ndarray]:
+    """Return what does not change at the points of an interface, on rank 0.
+
+    These are positions and coordinates [m], of a surface dip and area, moduli and wave speeds beside the points.
+    """
     columns = {"position": face.position, **dict(zip("xyz", face.points.T, strict=False))}
     if face.across is not None:
         columns |= {"dip": face.across, "area": face.area}
-    return parallel.gather_fields(comm, face.number, face.owned, columns)
+    return parallel.gather_fields(comm, face.number, face.owned, columns | sides.columns())
+
+
+def _frame(comm: fem.MPI.Comm, face: Interface) -> np.ndarray | None:
+    """Return tangent, normal and second tangent of a plane interface; None of others, and in antiplane."""
+    if not face.has_normal:
+        return None
+    frames = parallel.share_rows(comm, face.frame[face.owned].reshape(face.owned.sum(), -1))
+    if np.ptp(frames, axis=0).max() > FLAT:
+        return None
+    dim = face.frame.shape[2]
+    return np.asarray(frames[0].reshape(dim, dim)[[1, 0, 2][:dim]])
