@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.faults.interface import Interface
 
 TOUCHING = 1e-9  # weight of an element that touches an interface with one node, relative to its size
-DIGITS = 12  # of directions that are told apart, and of ratios of wave speeds
+DIGITS = 12  # of numbers, directions and ratios of wave speeds that count as different
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,10 @@ class _Side:
     def at(self, nodes: np.ndarray) -> np.ndarray:
         """Return moduli, c_p, c_s and c_R along the interface, c_p and c_s across, at nodes of this side."""
         sums = self._sums[nodes]
-        return np.asarray(sums[:, 1:] / sums[:, :1])
+        means = sums[:, 1:] / sums[:, :1]
+        # The last digits depend on the partition.
+        scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(means), 1e-300)))
+        return np.asarray(np.round(means / scale, DIGITS) * scale)
 
 
 def _frames(face: Interface, count: int, dofs: np.ndarray, x: np.ndarray) -> np.ndarray:

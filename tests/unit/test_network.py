@@ -92,7 +92,7 @@ def test_check_says_how_fast_loading_is() -> None:
 
     def rows(changes: dict[str, Any]) -> dict[str, Any]:
         found = {row.quantity: row for row in preflight(case({"duration": 1e-6, **changes}))}
-        assert "generalized Rayleigh speed" not in found
+        assert not any("generalized Rayleigh" in name for name in found)
         return found
 
     name, impedance = "fracture: passages of waves until f_t", np.sqrt(2600 * 60e9)  # lambda + 2 G = 1.2 E

@@ -105,7 +105,7 @@ def test_theory_of_two_waves() -> None:
     assert across.value == pytest.approx(0.1903 * 12, rel=1e-2) and across.verdict == "warning"
     # 12 nodes of the upper, 9 of the lower body.
     assert found[": nodes along the shortest wave"].value == pytest.approx(9, rel=1e-2)
-    assert found["generalized Rayleigh speed"].verdict == "warning"
+    assert found[": generalized Rayleigh speed"].verdict == "warning"
     # 10 m/s for 2 us, found again every 2.5 um.
     assert found[": updates of the pairing"].value == pytest.approx(8, rel=1e-2)
     slow = rows(rough({"stepper": {"kind": "quasi_static"}, "faults.main.contact": {"kind": "augmented_lagrangian"}}))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.small_cases import HOMALITE, case
 
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic, rayleigh_speed
 from ruptfx.platform import fem
@@ -112,3 +113,27 @@ def test_moduli_of_a_surface_follow_the_depth(changes):
     expected = (10e9 - 10e9 * face.points[:, 2]) / 2.7
     np.testing.assert_allclose(sides.modulus[:, 0, 0], expected, rtol=1e-8)
     np.testing.assert_allclose(sides.modulus[:, 0, 1], 0.0, atol=1e-3)
+
+
+def test_check_takes_the_bodies_beside_each_interface():
+    """A soft strip away from the interface changes no row on it; one at the interface does.
+
+    The critical half-length is proportional to G* = 2 G (1 - (c_s / c_p)^2), hence to E.
+    """
+    weakening = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}
+    loaded = {"faults.main.friction": weakening, "faults.main.initial_stress.shear": 2.8e6}
+
+    def rows(changes):
+        found = preflight(case(loaded | changes))
+        return {row.quantity: (row.value, row.verdict) for row in found if row.quantity.startswith("faults.main")}
+
+    plain = rows({})
+    away = rows({"materials.default.young_modulus": layers("y", [-2e-3, 2e-3], [1e9, 5.3e9, 1e9])})
+    beside_it = rows({"materials.upper": HOMALITE | {"young_modulus": 5.3e8}})
+    assert away.keys() == plain.keys() and len(plain) > 8
+    for name, (value, verdict) in plain.items():
+        assert away[name] == ((pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), verdict), name
+    name = "faults.main: critical half-length"
+    assert beside_it[name][0] == pytest.approx(0.1 * plain[name][0], rel=1e-9)
+    speed = "faults.main: generalized Rayleigh speed"
+    assert plain[speed][0] == pytest.approx(rayleigh_speed(2202.0, 1255.0), rel=1e-3)

@@ -15,6 +15,8 @@ from ruptfx.bodies.space.inside import Inside
 from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import Case
 from ruptfx.input.schema import unit_of
+from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.interfaces.mechanisms.checks.plausibility import doubts, row_of
 from ruptfx.interfaces.mechanisms.checks.table import Plan, Row
 from ruptfx.laws import fracture
@@ -26,6 +28,7 @@ from ruptfx.stepping.steppers import Motion, leapfrog
 from ruptfx.stepping.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
+ALIKE = 1e-9  # relative difference of moduli and wave speeds of bodies that count as identical
 
 
 def preflight(case: Case) -> Iterator[Row]:
@@ -56,8 +59,8 @@ def preflight(case: Case) -> Iterator[Row]:
     if "default" in case.materials and len(own) == len(model.bodies.names):
         note = f"without effect, for every body has its own: {', '.join(own)}; remove it"
         yield Row("materials.default", case.materials["default"].kind(), "", note, "warning")
-    if len(model.materials) > 1 and case.plane in ("stress", "strain") and model.faults:
-        yield from _pairing(model)
+    if case.plane in ("stress", "strain"):
+        yield from (_pairing(model, fault) for fault in model.faults if not fault.interface.one_sided)
     stable = stable_time_step(model)
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
     steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))
@@ -114,33 +117,22 @@ def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:
         yield Row(f"records: {what}", number, "", f"{note}; {key}")
 
 
-def generalized_rayleigh_speed(model: Model) -> float | None:
-    """Return the speed of the interface wave of the first and last body without friction [m/s], None if none exists."""
-    materials = [model.materials[0], model.materials[-1]]
-    speeds = [material.wave_speeds(model.case.plane) for material in materials]
-    moduli = [material.density * s.c_s**2 for material, s in zip(materials, speeds, strict=True)]
-    return fracture.generalized_rayleigh_speed(speeds, moduli)
-
-
-def _remembers(model: Model) -> bool:
-    """Return whether every fault has a state variable in units of stress, a memory of the normal stress."""
-    return all("Pa" in fault.friction.all_state_fields().values() for fault in model.faults)
-
-
-def _pairing(model: Model) -> Iterator[Row]:
-    first, second = model.materials[0], model.materials[-1]
-    if first == second:
-        yield Row("generalized Rayleigh speed", first.wave_speeds(model.case.plane).c_R, "m/s", "identical bodies: c_R")
-        return
-    speed = generalized_rayleigh_speed(model)
+def _pairing(model: Model, fault: Fault) -> Row:
+    """Return the speed of the interface wave of the bodies beside a fault without friction."""
+    label, sides = f"faults.{fault.name}: generalized Rayleigh speed", sides_of(model, fault.interface)
+    speeds, moduli = np.median(sides.along, axis=1), np.median(sides.moduli[:, :, 0, 0], axis=1)
+    if np.allclose(speeds[0], speeds[1], rtol=ALIKE) and np.allclose(moduli[0], moduli[1], rtol=ALIKE):
+        return Row(label, float(speeds[0, 2]), "m/s", "identical bodies: c_R")
+    speed = fracture.generalized_rayleigh_speed([tuple(each) for each in speeds.tolist()], moduli.tolist())
     if speed is None:
-        yield Row("generalized Rayleigh speed", "none", "", "Coulomb friction is well-posed for small coefficients")
-    else:
-        yield Row(
-            "generalized Rayleigh speed", speed, "m/s",
-            "exists: Coulomb friction is ill-posed at any coefficient; use normal-stress memory (prakash_clifton)",
-            "ok" if _remembers(model) else "warning",
-        )  # fmt: skip
+        return Row(label, "none", "", "Coulomb friction is well-posed for small coefficients")
+    # A state variable in units of stress is a memory of the normal stress.
+    remembers = "Pa" in fault.friction.all_state_fields().values()
+    return Row(
+        label, speed, "m/s",
+        "exists: Coulomb friction is ill-posed at any coefficient; use normal-stress memory (prakash_clifton)",
+        "ok" if remembers else "warning",
+    )  # fmt: skip
 
 
 def _cost(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Iterator[Row]:
@@ -165,7 +157,7 @@ def _cost(model: Model, motion: Motion, steps: int | None, started: float, built
 
 def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
     """Yield the largest frequency that each instrument resolves, and the reason for the limit."""
-    speed = float(model.wave_speeds().c_s)
+    slowest = [material.wave_speeds(model.case.plane).c_s for material in model.materials]
     for number, (instrument, channels) in enumerate(measured(model, dt)):
         often = 0.5 / instrument.interval
         highest = min(often, instrument.bandwidth or often)
@@ -174,10 +166,12 @@ def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
         if instrument.bandwidth is not None and instrument.bandwidth > often:
             notes.append(f"the bandwidth of {instrument.bandwidth:.3g} Hz passes more: reduce the interval")
             verdict = "warning"
-        sizes = [Inside(model, point, body, f"instruments.{number}").element_size for point, body in instrument.points]
-        if sizes:
-            spacing = max(sizes) / model.case.order
-            carried = speed / (NODES_PER_WAVELENGTH * spacing)
+        places = [Inside(model, point, body, f"instruments.{number}") for point, body in instrument.points]
+        if places:
+            spacing = max(place.element_size for place in places) / model.case.order
+            carried = min(
+                model.case.order * slowest[place.body] / (NODES_PER_WAVELENGTH * place.element_size) for place in places
+            )
             notes.append(f"the mesh carries S waves to {carried:.3g} Hz, {NODES_PER_WAVELENGTH} nodes per wavelength")
             if 0 < instrument.extent < spacing:
                 notes.append(f"shorter than the {spacing:.3g} m between nodes: it measures as at a point")

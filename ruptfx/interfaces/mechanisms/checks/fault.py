@@ -13,12 +13,14 @@ from ruptfx.input.profiles.constant import Constant
 from ruptfx.input.profiles.places import distance, patches
 from ruptfx.input.schema import Part, unit_of
 from ruptfx.interfaces.faults.projection import TracedLaw
+from ruptfx.interfaces.faults.sides import Sides, sides_of
 from ruptfx.interfaces.mechanisms.checks.patch import axes_of_positions, surface_patch_rows
 from ruptfx.interfaces.mechanisms.checks.plausibility import row_of, slow_records
 from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.laws import fracture
 from ruptfx.laws.friction import FrictionLaw
 from ruptfx.laws.friction.lengths import Breakdown, RateDependence
+from ruptfx.laws.materials import WaveSpeeds
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.faults.fault import Fault
@@ -41,24 +43,25 @@ def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
         spacing, note = max(spacing, down), f"{note} along strike and {down:.4g} m down dip"
     yield Row(f"{label}: points", face.total, "", note)
     yield from _position_rows(model, fault)
-    rest = _at_rest(fault)
-    if any(material.lame(model.case.plane) is None for material in model.materials):
+    rest, sides = _at_rest(fault), sides_of(model, face)
+    beside = [model.materials[model.bodies.names.index(name)] for name in sides.bodies]
+    if any(material.lame(model.case.plane) is None for material in beside):
         yield Row(
             f"{label}: lengths and limits", "estimates", "",
-            "formulas for isotropic bodies, with the wave speeds along x", "warning",
+            "formulas for isotropic bodies, with the wave speeds along the interface", "warning",
         )  # fmt: skip
     if rest.slips.any() and not isinstance(fault.friction.lengths(fault.normal_stress_0, 1.0), RateDependence):
         ratio = float(np.max(rest.shear[rest.slips] / np.maximum(rest.strength[rest.slips], 1e-300)))
         where = "everywhere" if rest.slips.all() else f"at {np.count_nonzero(rest.slips)} points"
         yield Row(f"{label}: shear / strength", ratio, "", f"it slips from the first step {where}", "warning")
-    rate = max(_expected_slip_rate(model, fault), model.case.impact_speed) or 1.0
+    rate = max(_expected_slip_rate(model, fault, sides), model.case.impact_speed) or 1.0
     lengths = fault.friction.lengths(fault.normal_stress_0, rate)
     start, weakest = _judged_points(model, fault, rest, lengths)
-    found = {row.quantity: row for row in _rows_at(model, fault, rest, lengths, rate, start, spacing)}
+    found = {row.quantity: row for row in _rows_at(model, fault, sides, rest, lengths, rate, start, spacing)}
     yield from found.values()
     if weakest == start:
         return
-    for row in _rows_at(model, fault, rest, lengths, rate, weakest, spacing):
+    for row in _rows_at(model, fault, sides, rest, lengths, rate, weakest, spacing):
         same = found.get(row.quantity)
         if same is None or row.value != same.value:
             yield replace(row, quantity=row.quantity.replace(label, f"{label}, weakest place", 1))
@@ -130,19 +133,17 @@ def _nucleation_position(model: System, fault: Fault, rest: _AtRest) -> float | 
 
 
 def _rows_at(
-    model: System, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None, rate: float, point: int,
-    spacing: float,
+    model: System, fault: Fault, sides: Sides, rest: _AtRest, lengths: Breakdown | RateDependence | None, rate: float,
+    point: int, spacing: float,
 ) -> Iterator[Row]:  # fmt: skip
-    """Yield strength, S ratio, process zone and critical lengths at one point of a fault."""
+    """Yield strength, S ratio, process zone and critical lengths at one point of a fault, of its slower side."""
     face, label = fault.interface, f"faults.{fault.name}"
     sigma, tau, peak = (float(values[point]) for values in (fault.normal_stress_0, rest.shear, rest.strength))
     where = f"at {'x' if face.line.measure == 'x' else 'position'} = {face.position[point]:.4g} m"
     if face.across is not None:
         where += f", dip = {face.across[point]:.4g} m"
     yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, {where}")
-    slowest = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
-    speeds = slowest.wave_speeds(model.case.plane)
-    modulus = slowest.density * speeds.c_s**2
+    speeds, modulus = WaveSpeeds(*sides.speeds()[point].tolist()), float(sides.softer()[point])
     if model.case.plane != "antiplane":
         modulus = fracture.effective_modulus(modulus, speeds.c_p, speeds.c_s)
     if fault.cohesion is not None:
@@ -157,7 +158,7 @@ def _rows_at(
     other, note = fault.friction.lengths(fault.normal_stress_0, 2 * rate), ""
     if isinstance(other, Breakdown) and np.any(other.energy != lengths.energy):
         note = f"over a drop of {_at(lengths, point).drop:.4g} Pa, at a slip rate of {rate:.3g} m/s: it depends on it"
-    yield from _breakdown_rows(label, _at(lengths, point), tau, note, modulus, spacing, fault, model, where)
+    yield from _breakdown_rows(label, _at(lengths, point), tau, note, modulus, speeds, spacing, fault, model, where)
 
 
 def _bond_rows(
@@ -254,7 +255,7 @@ def shortest_time(model: System, fault: Fault, dt: float) -> Iterator[Row]:
 
     That is a length of the law over the expected slip rate, or the time in which a state relaxes by itself.
     """
-    rate = max(_expected_slip_rate(model, fault), model.case.impact_speed)
+    rate = max(_expected_slip_rate(model, fault, sides_of(model, fault.interface)), model.case.impact_speed)
     times = {}
     if rate > 0:
         for law in _chain(fault.friction):
@@ -275,20 +276,14 @@ def shortest_time(model: System, fault: Fault, dt: float) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def _expected_slip_rate(model: System, fault: Fault) -> float:
+def _expected_slip_rate(model: System, fault: Fault, sides: Sides) -> float:
     """Return stress drop over impedance [m/s], largest of all points.
 
     It is the slip rate behind a front that radiates S waves into both bodies,
     V = (tau_0 - tau_r) (1 / (rho c_s)+ + 1 / (rho c_s)-), with the residual strength after 1 km of slip at 1 m/s.
     """
     face = fault.interface
-    impedance = np.array([m.density * m.wave_speeds(model.case.plane).c_s for m in model.materials])
-    of_nodes = np.where(model.layout.touches, 1 / impedance[:, None], 0.0).max(axis=0)
-    mobility = of_nodes[face.plus]
-    if face.other_side == "meshed":
-        mobility = mobility + of_nodes[face.minus]
-    elif face.other_side != "rigid":
-        mobility = 2 * mobility
+    mobility = (sides.along[:, :, 1] / sides.moduli[:, :, 0, 0]).sum(axis=0)  # rho c_s is G / c_s
     normal, law, fast = fault.normal_stress_0, fault.friction, np.ones(len(face.plus))
     state = {name: value for name, value in fault.initial_state().items() if name in law.all_state_fields()}
     residual = law.strength(fast, normal, law.advance(state, fast, normal, 1e3))
@@ -348,8 +343,8 @@ def _at(lengths: AnyLengths, point: int) -> AnyLengths:
 
 
 def _breakdown_rows(
-    label: str, law: Breakdown, tau: float, note: str, modulus: float, spacing: float, fault: Fault, model: System,
-    where: str,
+    label: str, law: Breakdown, tau: float, note: str, modulus: float, speeds: WaveSpeeds, spacing: float, fault: Fault,
+    model: System, where: str,
 ) -> Iterator[Row]:
     """Yield S ratio, critical lengths and process zone of laws that weaken with slip."""
     if law.drop <= 0:
@@ -364,7 +359,7 @@ def _breakdown_rows(
         if plane != "antiplane":
             limit, source = SUPERSHEAR_LIMIT_3D, "about, in 3D: Dunham 2007"
             if plane != "solid":
-                limit, source = fracture.supershear_limit(*model.wave_speeds()), "Burridge 1973; Andrews 1985"
+                limit, source = fracture.supershear_limit(*speeds), "Burridge 1973; Andrews 1985"
             verdict = "may go supershear" if ratio < limit else "stays sub-Rayleigh"
             verdict += f" (limit {limit:.4g}, {source})"
         yield Row(f"{label}: S", ratio, "", f"{verdict}; {where}")
@@ -377,7 +372,7 @@ def _breakdown_rows(
     zone = law.process_zone(modulus)
     yield Row(f"{label}: static process zone", zone, "m", f"shrinks as 1/A_II with rupture speed; {where}")
     yield _points_row(f"{label}: points in process zone", zone, spacing, 5)
-    yield from (row_of(doubt) for doubt in slow_records(model, label, zone))
+    yield from (row_of(doubt) for doubt in slow_records(model, label, zone, speeds.c_R))
     stiffness = fault.contact.stiffness()[1]
     if stiffness and not note and law.drop > stiffness * law.slip:
         yield Row(

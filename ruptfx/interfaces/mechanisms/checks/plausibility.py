@@ -66,13 +66,12 @@ def doubts(model: System) -> Iterator[Doubt]:
         yield from _echoes(model)
 
 
-def slow_records(model: System, label: str, zone: float) -> Iterator[Doubt]:
+def slow_records(model: System, label: str, zone: float, c_R: float) -> Iterator[Doubt]:
     """Warn of records further apart than the time in which a process zone passes a point."""
     if not model.case.stepper.inertia:
         return
     interval = model.case.intervals["interface"]
-    speeds = [material.wave_speeds(model.case.plane) for material in model.materials]
-    passing = zone / min(speed.c_R for speed in speeds)
+    passing = zone / c_R
     if interval > passing and model.case.output.interface_steps is None:
         yield Doubt(
             f"{label}: interval of records", interval, "s",
@@ -90,7 +89,8 @@ def _stress(model: System, fault: Fault) -> Iterator[Doubt]:
     label = f"faults.{fault.name}.initial_stress"
     if 0 < largest < LEAST_STRESS:
         yield Doubt(label, largest, "Pa", "hardly pressed together; is the exponent lost ('6 MPa')?")
-    stiffness = min(m.density * m.wave_speeds(model.case.plane).c_p ** 2 for m in model.materials)
+    beside = [model.materials[number] for number in _bodies(model, fault.interface)]
+    stiffness = min(m.density * m.wave_speeds(model.case.plane).c_p ** 2 for m in beside)
     if largest > LARGEST_STRAIN * stiffness:
         note = f"{100 * largest / stiffness:.3g} % of the stiffness of a body: strains are not small"
         yield Doubt(label, largest, "Pa", note)
