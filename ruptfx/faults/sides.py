@@ -92,8 +92,8 @@ def sides_of(model: Discretisation, face: Interface) -> Sides:
     names, slowness = model.bodies.names, sides[0].slowness + sides[1].slowness
     slowness = parallel.total(model.comm, slowness.ravel().tolist()).reshape(-1, 3)
     bodies = {
-        name: (float(weight / of_p), float(weight / of_s))
-        for name, (weight, of_p, of_s) in zip(names, slowness, strict=True) if weight > 0
+        name: tuple(_rounded(weight / slow).tolist())
+        for name, (weight, *slow) in zip(names, slowness, strict=True) if weight > 0
     }  # fmt: skip
     return Sides(np.stack(moduli), np.stack(along), np.stack(across), bodies)
 
@@ -138,10 +138,13 @@ class _Side:
     def at(self, nodes: np.ndarray) -> np.ndarray:
         """Return moduli, c_p, c_s and c_R along the interface, c_p and c_s across, at nodes of this side."""
         sums = self._sums[nodes]
-        means = sums[:, 1:] / sums[:, :1]
-        # The last digits depend on the partition.
-        scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(means), 1e-300)))
-        return np.asarray(np.round(means / scale, DIGITS) * scale)
+        return _rounded(sums[:, 1:] / sums[:, :1])
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    """Return numbers without their last digits, which depend on the partition."""
+    scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
+    return np.asarray(np.round(values / scale, DIGITS) * scale)
 
 
 def _frames(face: Interface, count: int, dofs: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -1,14 +1,25 @@
 """Moduli and wave speeds of scalars are those beside the interface, at its points and in its directions."""
 
+import json
+
 import numpy as np
 import pytest
-from helpers.small_cases import HOMALITE, case
+from helpers.small_cases import HOMALITE, branched, case, plates
 
+pytest.importorskip("dolfinx")
+
+from ruptfx import Record
 from ruptfx.app.checks.preflight import preflight
+from ruptfx.case import parse_case
 from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic, rayleigh_speed
+from ruptfx.many_runs.study.harvest import harvest, scalars
 from ruptfx.platform import fem
+from ruptfx.results.analysis.verdict import verdict
 from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
+
+pytestmark = pytest.mark.fem
 
 COMM = fem.MPI.COMM_SELF
 SOFT = HOMALITE | {"young_modulus": 2e9, "poisson_ratio": 0.3, "density": 1100.0}
@@ -131,9 +142,81 @@ def test_check_takes_the_bodies_beside_each_interface():
     away = rows({"materials.default.young_modulus": layers("y", [-2e-3, 2e-3], [1e9, 5.3e9, 1e9])})
     beside_it = rows({"materials.upper": HOMALITE | {"young_modulus": 5.3e8}})
     assert away.keys() == plain.keys() and len(plain) > 8
-    for name, (value, verdict) in plain.items():
-        assert away[name] == ((pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), verdict), name
+    for name, (value, judged) in plain.items():
+        assert away[name] == ((pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), judged), name
     name = "faults.main: critical half-length"
     assert beside_it[name][0] == pytest.approx(0.1 * plain[name][0], rel=1e-9)
     speed = "faults.main: generalized Rayleigh speed"
     assert plain[speed][0] == pytest.approx(rayleigh_speed(2202.0, 1255.0), rel=1e-3)
+
+
+def front(speed, changes):
+    """Plates on which friction falls behind a front that runs from x = 0 at a prescribed speed."""
+    table = plates({
+        "plane": "strain", "duration": 26e-6, "mesh.length": 60e-3, "mesh.height": 16e-3, "mesh.left": 0.0, "order": 3,
+        "stepper": {"kind": "leapfrog", "time_step": 1e-7},
+        "faults.main.contact": {"kind": "split_node"},
+        "faults.main.friction": {
+            "kind": "time_weakening", "mu_s": 2.0, "mu_d": 0.1, "t_w": 4e-6,
+            "arrival": {"kind": "cone", "center": 0.0, "slope": 1 / speed},
+        },
+        "faults.main.initial_stress": {"normal": 6e6, "shear": 2.4e6},
+    })  # fmt: skip
+    for key, value in changes.items():
+        table["materials"]["default"] = table["materials"]["default"] | {key: value}
+    return table
+
+
+def test_the_regime_is_that_of_the_bodies_at_the_interface(tmp_path):
+    """A front at 1000 m/s between plates with c_s = 1255 m/s; soft strips 12 mm away, with c_s = 545 m/s."""
+    strips = {"young_modulus": layers("y", [-12e-3, 12e-3], [1e9, 5.3e9, 1e9])}
+    found = []
+    for name, changes in (("plain", {}), ("strips", strips)):
+        with simulate(parse_case(front(1000.0, changes)), tmp_path / name, progress=False) as record:
+            found.append(record.summary)
+    c_s = np.sqrt(5.3e9 / 2.7 / 1246.0)
+    for summary in found:
+        assert summary["speed_regime"] == "sub-Rayleigh" and summary["not_resolved"] is None
+        assert summary["tip_speed_over_c_s"] == pytest.approx(summary["tip_speed"] / c_s, rel=1e-9)
+    assert found[1]["tip_speed_over_c_s"] == pytest.approx(found[0]["tip_speed_over_c_s"], rel=1e-4)
+
+
+def test_the_order_of_the_interfaces_changes_nothing(tmp_path):
+    """The branch slips less than the main fault: the summary, the figures and the verdict are of the main fault."""
+    table, found = branched({"duration": 4e-6}), []
+    for names in (("main", "branch"), ("branch", "main")):
+        parsed = parse_case(table | {"faults": {name: table["faults"][name] for name in names}})
+        with simulate(parsed, tmp_path / names[0], progress=False) as record:
+            assert record.interface.attrs["fault"] == "main" and list(record.interfaces) == list(names)
+            largest = {name: float(np.abs(data["slip"].values).max()) for name, data in record.interfaces.items()}
+        found.append(json.loads((tmp_path / names[0] / "summary.json").read_text()))
+    numbers = [{key: value for key, value in each.items() if key not in ("wall_time", "node_updates_per_second")}
+               for each in found]  # fmt: skip
+    assert numbers[0] == numbers[1]
+    summary = found[0]
+    assert summary["interface"] == "main" and largest["main"] > largest["branch"] > 0
+    assert {name: each["max_slip"] for name, each in summary["interfaces"].items()} == pytest.approx(largest)
+    for name in ("mode", "tip_speed", "reach", "max_slip"):
+        assert summary[name] == summary["interfaces"]["main"][name]
+    assert verdict(summary).startswith("main: ")
+    values = harvest(tmp_path / "main", ["run"])
+    assert values["interfaces.branch.max_slip"] == pytest.approx(largest["branch"])
+    assert "interfaces.branch.max_slip" in scalars(table["faults"])
+
+
+def test_a_run_of_an_earlier_version_opens(tmp_path):
+    """Without columns of speeds and without `interface` in the summary it has the numbers of its attributes."""
+    import h5py
+
+    with simulate(parse_case(front(1000.0, {})), tmp_path / "run", progress=False) as record:
+        expected = dict(record.summary)
+    path = tmp_path / "run" / "interface.h5"
+    with h5py.File(path, "a") as file:
+        for name in ("shear_modulus", "c_p", "c_s", "c_R", "fastest_wave"):
+            del file[name]
+    with Record(tmp_path / "run", checks=False) as old:
+        from ruptfx.results.analysis import summarise
+
+        found = summarise(old)
+    for name in ("tip_speed_over_c_R", "tip_speed_over_c_s", "tip_speed_over_c_l"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-9)
