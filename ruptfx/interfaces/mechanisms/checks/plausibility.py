@@ -89,7 +89,8 @@ def _stress(model: System, fault: Fault) -> Iterator[Doubt]:
     label = f"faults.{fault.name}.initial_stress"
     if 0 < largest < LEAST_STRESS:
         yield Doubt(label, largest, "Pa", "hardly pressed together; is the exponent lost ('6 MPa')?")
-    beside = [model.materials[number] for number in _bodies(model, fault.interface)]
+    numbers = np.flatnonzero(model.layout.touches[:, fault.interface.nodes].any(axis=1))
+    beside = [model.materials[number] for number in numbers]
     stiffness = min(m.density * m.wave_speeds(model.case.plane).c_p ** 2 for m in beside)
     if largest > LARGEST_STRAIN * stiffness:
         note = f"{100 * largest / stiffness:.3g} % of the stiffness of a body: strains are not small"
