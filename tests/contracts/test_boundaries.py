@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx.bodies.boundaries.gravity import Gravity
 from ruptfx.bodies.boundaries.histories import Sampled, course
 from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import CaseError, alternatives
@@ -176,3 +178,12 @@ def test_a_ramp_and_a_history_are_multiplied() -> None:
     assert course(1.0, 4.0, history) == pytest.approx(0.25 * 2.0)
     assert course(1.0, 4.0, None) == pytest.approx(0.25)
     assert course(1.0, 0.0, history) == pytest.approx(2.0)
+
+
+def test_forces_grow_during_their_ramp() -> None:
+    """A quarter of the weight after a quarter of the ramp, all of it from the end on."""
+    weight = Gravity(acceleration=[0.0, -9.81], ramp=4e-6)
+    model: Any = SimpleNamespace(model=SimpleNamespace(mass=np.array([2.0, 2.0, 3.0, 3.0]), components=2))
+    force = weight.act(model, "boundaries.0").force
+    assert force is not None
+    assert [force.factor(time) for time in (0.0, 1e-6, 4e-6, 9e-6)] == pytest.approx([0.0, 0.25, 1.0, 1.0])

@@ -21,6 +21,7 @@ from matplotlib.image import AxesImage
 
 from ruptfx import RuptfxError
 from ruptfx.results import plots
+from ruptfx.results.figure_style import TIME_MAP
 from ruptfx.results.record import Record
 
 Array = np.ndarray
@@ -142,7 +143,8 @@ def energy_budget(record: Record) -> list[list[Shown]]:
 
 def forces(record: Record) -> list[list[Shown]]:
     table, time = record.forces, ("time", record.forces["time"].values)
-    return [[Shown(time, ("force", table["normal_force"].values)), Shown(time, ("force", table["shear_force"].values))]]
+    shear = ("force", table["shear_force"].values)  # and its mean over 1/200 of the run, less than a step
+    return [[Shown(time, ("force", table["normal_force"].values)), Shown(time, shear, close=0.01)]]
 
 
 def instruments(record: Record) -> list[list[Shown]]:
@@ -389,8 +391,8 @@ def test_values(
 NOT_DRAWN = {"snapshots": {"time"}, "slip_profiles": {"time"}, "surfaces": {"time"}, "slip_rate_maps": {"time"},
              "fringes": {"time"}, "wavefield": {"time"}, "material_state": {"time"}}  # fmt: skip
 """Quantities of titles and colour bars."""
-EXTRA = {"forces", "ground_motion", "snapshots", "rupture_map", "slip_rate_maps", "cracks"}
-"""Figures with means, strengths, traces of interfaces, contours and notches besides."""
+EXTRA = {"ground_motion", "snapshots", "rupture_map", "slip_rate_maps", "cracks"}
+"""Figures with strengths, traces of interfaces, contours and notches besides."""
 
 
 def agrees(values: tuple[Array, Array, Array | None], shown: Shown, size: dict[str, float]) -> bool:
@@ -406,3 +408,12 @@ def agrees(values: tuple[Array, Array, Array | None], shown: Shown, size: dict[s
         if not np.nanmax(np.abs(drawn - wanted)) <= shown.close * scale:
             return False
     return True
+
+
+def test_lines_have_the_colour_of_their_time(records: Callable[[str], Record]) -> None:
+    """From the first colour at the start to the last one at the end, in any unit."""
+    record = records("plain")
+    ends = [float(time) for time in record.interface["time"].values[[0, -1]]]
+    lines = plots.slip_profiles(record, at=ends, field="slip", units={"time": "ns"}).lines
+    for line, place in zip(lines, (0.0, 1.0), strict=True):
+        np.testing.assert_allclose(line.get_color(), TIME_MAP(place), atol=1e-6)

@@ -329,3 +329,15 @@ def test_impedances_that_are_not_known(given: Material, message: str) -> None:
         given.impedance(np.eye(2), "strain")
     with pytest.raises(RuptfxError, match=facts(message)):
         given.wave_speeds("strain")
+
+
+def test_springs_of_an_orthotropic_body_with_equal_axes_are_isotropic() -> None:
+    """The mean of n n / E(n) over all directions is 1 / (2 E) along both axes; with E_1 = 2 E_2, by quadrature."""
+    body = OrthotropicElastic(
+        E_1=4.0, E_2=2.0, E_3=1.5, nu_12=0.3, nu_23=0.4, nu_13=0.25, G_12=0.8, G_13=0.7, G_23=0.5, density=1.0
+    )
+    c, s = np.cos(angle := np.linspace(0, 2 * np.pi, 4001)[:-1]), np.sin(angle)
+    inverse = c**4 / 4 + (1 / 0.8 - 2 * 0.3 / 4) * (c * s) ** 2 + s**4 / 2
+    means = np.mean(c**2 * inverse), np.mean(s**2 * inverse)
+    first, second, both = body._of_springs(lambda modulus: 1 / modulus)
+    assert (first, second, both) == pytest.approx((2 * means[0], 2 * means[1], 2 * sum(means)), rel=1e-9)

@@ -25,7 +25,7 @@ from typer.testing import CliRunner, Result
 from ruptfx.app.cli import app
 from ruptfx.app.commands._shared import keys, runs_and_files
 from ruptfx.app.commands._shared import runs as run_directories
-from ruptfx.app.commands.compare import is_noise, overlay
+from ruptfx.app.commands.compare import _place, is_noise, overlay
 from ruptfx.app.commands.new import cases
 from ruptfx.results.analysis.emission import read_catalogue
 from ruptfx.results.record import Record
@@ -502,3 +502,16 @@ def test_events_of_a_run(tmp_path: Path) -> None:
     missing = ruptfx("events", tmp_path / "nowhere", "--csv")
     assert missing.exit_code != 0 and says("nowhere: no such file or directory", said(missing))
 
+
+def test_runs_are_compared_in_the_middle_of_what_slid_in_both():
+    """One slid from 1 to 5 m, the other from 2 to 8 m: 3.5 m; without slip the middle of the interface, 5 m."""
+    position = np.arange(11.0)
+
+    def run(low, high):
+        arrival = np.where((position >= low) & (position <= high), 1.0, np.nan)
+        return SimpleNamespace(
+            position=SimpleNamespace(values=position), rupture_time=SimpleNamespace(values=arrival)
+        )
+
+    assert _place([run(1, 5), run(2, 8)]) == 3.5
+    assert _place([run(1, 5), run(20, 30)]) == 5.0

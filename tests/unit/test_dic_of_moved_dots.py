@@ -110,6 +110,11 @@ def test_command_on_two_files(given: list[str], pixel: float, unit: str, tmp_pat
             assert field.attrs["units"] == data.x.attrs["units"] == unit
             fit = np.linalg.lstsq(np.stack([*place, np.ones_like(place[0])], axis=1), field.values[MIDDLE].ravel())[0]
             assert fit[:2] == pytest.approx(slopes, abs=2e-4)
+        rows, columns = np.arange(50, 150), np.arange(50, 200)  # the motion is zero in the middle, (130, 100)
+        at_left = float(np.nanmean(data["displacement_x"].values[np.ix_(rows, columns[:10])])) / pixel
+        below = float(np.nanmean(data["displacement_y"].values[np.ix_(rows[:10], columns)])) / pixel
+        assert at_left == pytest.approx(0.004 * (54.5 - 130) + 0.003 * (99.5 - 100), abs=0.05)
+        assert below == pytest.approx(-0.001 * (124.5 - 130) - 0.002 * (54.5 - 100), abs=0.05)
 
 
 @pytest.mark.parametrize("pixel", ["0", "-1e-5", "inf", "nan", "20 us", "wide"])

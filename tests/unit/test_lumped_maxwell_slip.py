@@ -156,3 +156,17 @@ def test_bad_cases_name_the_key(change: dict[str, object], message: str) -> None
 def test_a_surface_is_given_once() -> None:
     with pytest.raises(CaseError, match="exactly one"):
         Surface(name="s", R_a=1e-6, R_q=1e-6)
+
+
+def test_times_are_drive_displacements_over_the_speed() -> None:
+    """The slip period is 2 (mu_s - mu_d) N_b / k over the speed of the drive."""
+    table = {"kind": "maxwell_slip", "normal_force": 30.0, "blocks": 10, "stiffness": 5.0,
+             "drive_speed": 0.2, "mu_s": 0.5, "mu_d": 0.3}  # fmt: skip
+    model = parse_case(table)
+    assert isinstance(model, MaxwellSlip)
+    data = model.run()
+    period = 2 * (0.5 - 0.3) * 3.0 / 5.0 / 0.2
+    assert float(data["slip_period"]) == pytest.approx(period, rel=1e-12)
+    last = float(np.nanmax(data["trace_time"]))
+    assert last == pytest.approx(model.periods * period, rel=1e-12)
+    assert 0.9 * last < float(np.nanmax(data["slip_time"])) <= last

@@ -278,3 +278,13 @@ def test_the_second_harmonic_of_a_cycle_is_its_share() -> None:
     wave = np.sin(2 * np.pi * t + 0.1) + 0.3 * np.sin(4 * np.pi * t)
     omega, ratio = _cycles(SimpleNamespace(time=t, friction=0.5 + 1e-3 * wave), 1.0)
     assert (omega, ratio) == (pytest.approx(2 * np.pi, rel=1e-3), pytest.approx(0.3, rel=1e-2))
+
+
+def test_the_healing_slope_is_per_e_fold_of_the_hold() -> None:
+    """Of the last two holds, 10 s and 100 s."""
+    table = {"holds": [1.0, 10.0, 100.0], "samples": 100}
+    model = parse_case({"kind": "spring_slider", "experiment": {"kind": "slide_hold_slide", **table}})
+    assert isinstance(model, SpringSlider)
+    data = model.run()
+    peaks = data["static_friction"].values
+    assert float(data["healing_slope"]) == pytest.approx((peaks[2] - peaks[1]) / np.log(10.0), rel=1e-12)

@@ -495,9 +495,10 @@ def test_strength_is_beside_the_traction_of_a_real_run(tmp_path):
         assert slides.any() and not slides.all()
         np.testing.assert_allclose(traction[slides], found[slides], rtol=1e-6)
         assert (traction[~slides] < found[~slides] * (1 + 1e-9)).all()
-        figure = plots.snapshots(record).figure
-        lines = [line for ax in figure.axes for line in ax.lines if line.get_gid() == "strength"]
-        assert lines and "Dotted" in remarks(figure)
+        axes = plots.snapshots(record, field="shear_traction", at=float(last.time), units={"shear_traction": "kPa"})
+        (line,) = (line for line in axes.lines if line.get_gid() == "strength")
+        np.testing.assert_allclose(line.get_ydata(), found / 1e3)
+        assert "Dotted" in plots.remarks(axes)
 
 
 def test_white_is_said(tmp_path):

@@ -639,7 +639,9 @@ def test_memory_of_several_ranks_on_one_machine(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("dim, components, stresses", [(2, 2, 3), (3, 3, 6)])
-def test_bytes_of_snapshots_and_energies(dim: int, components: int, stresses: int) -> None:
+def test_bytes_of_snapshots_and_energies(
+    dim: int, components: int, stresses: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """10 nodes, 4 snapshots of velocity and stress in single precision, 21 records of 7 energies as text.
 
     The mesh has as many cells as nodes, of 2^dim corners, and dim coordinates of each node.
@@ -655,5 +657,9 @@ def test_bytes_of_snapshots_and_energies(dim: int, components: int, stresses: in
         case=given, coordinates=np.zeros((10, dim)), components=components, total_nodes=10,
         energy_columns=["energy"] * 7, given=[],
     )
-    bytes_of_files = cost._bytes_of_files(model, [], 100)
-    assert bytes_of_files == 10 * (4 * 4 * (components + stresses) + 8 * (dim + 2**dim)) + 20 * 9 * 21
+    expected = 10 * (4 * 4 * (components + stresses) + 8 * (dim + 2**dim)) + 20 * 9 * 21
+    assert cost._bytes_of_files(model, [], 100) == expected
+    # 40 samples of the time and three channels.
+    given.instruments = ["one"]
+    monkeypatch.setattr(cost, "measured", lambda *_: [(SimpleNamespace(interval=0.5), [1, 2, 3])])
+    assert cost._bytes_of_files(model, [], 100) == expected + 8 * 40 * 4

@@ -16,10 +16,12 @@ pytest.importorskip("dolfinx")
 from helpers.small_cases import case
 
 from ruptfx import simulate
+from ruptfx.input.fields import FIELDS
 from ruptfx.platform import parallel
 from ruptfx.results import plots
 from ruptfx.run.model import Model
 from ruptfx.run.recording.bulk_fields import BulkFields
+from ruptfx.run.recording.interface_file import InterfaceFile
 from ruptfx.run.recording.shared_file import SharedFile
 from ruptfx.run.recording.table_file import TableFile
 from ruptfx.run.recording.writer import Writer
@@ -204,3 +206,18 @@ def test_a_table_keeps_the_rows_of_its_checkpoint(tmp_path: Path) -> None:
     resumed.append(1.5, [7.0])
     resumed.close()
     assert path.read_text().splitlines()[1:] == ["time,a", "0.0,10.0", "1.5,7.0"]
+
+
+def test_fields_without_time_are_those_of_the_last_record(tmp_path: Path) -> None:
+    """Two records that wait in one block: histories of both, and the later value of what has no history."""
+    fault = Model(case({"order": 2})).faults[0]
+    count = len(fault.interface.position)
+    place = {"position": fault.interface.position}
+    path, slip = tmp_path / "interface.h5", FIELDS[2]
+    file = InterfaceFile(path, fault, place, {}, None, [slip])
+    for number in (1.0, 2.0):
+        file.append(number, {"slip": np.full(count, number), "rupture_time": np.full(count, 10 * number)})
+    file.close()
+    with h5py.File(path) as data:
+        assert slip.name == "slip" and data["slip"][:, 0].tolist() == [1.0, 2.0]
+        assert data["time"][:].tolist() == [1.0, 2.0] and set(data["rupture_time"][:]) == {20.0}

@@ -191,6 +191,8 @@ LINE = FaultLine.of(np.array([[[0.0, -1.0], [2.0, -1.0]], [[2.0, -1.0], [4.0, -1
         ("&DIST_PWCONR num=3, ref=1d0,-1d0 /\n 0.5 1.0\n 7 8 9\n", [8, 7, 8, 9, 9]),
         # Within a circle of radius 1.5 around a point 1 m above the fault: |x - 2| <= sqrt(1.25).
         ("&DIST_PWCONR num=2, ref=2d0,0d0 /\n 1.5\n 7 8\n", [8, 7, 7, 7, 8]),
+        # Of radius 1.3: |x - 2| <= sqrt(0.69).
+        ("&DIST_PWCONR num=2, ref=2d0,0d0 /\n 1.3\n 7 8\n", [8, 8, 7, 8, 8]),
         ("&DIST_GAUSSIAN centered_at=1d0,-2d0, length=2d0,1d0, offset=1d0, ampli=2d0 /",
          1 + 2 * np.exp(-1 - ((np.arange(5) - 1) / 2) ** 2)),
         ("&DIST_GAUSSIAN centered_at=1d0,-1d0, length=2d0,1d0, order=2 /", np.exp(-(((np.arange(5) - 1) / 2) ** 4))),
