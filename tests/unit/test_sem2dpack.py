@@ -652,6 +652,27 @@ def test_a_refused_feature_is_left_out_as_the_message_says() -> None:
     assert name == "BC_DYNFLT.pp" and f"left out as asked: {name}" in "\n".join(convert(text, without=[name]).notes)
 
 
+MATERIAL = ("kind='ELAST' /", "kind='ELASM' /"), ("&MAT_ELASTIC ", "&MAT_ELASTICM ")
+FLUID = ("friction='SWF'", "friction='SWF','TP'"), ("&BC_DYNFLT_SWF", "&BC_DYNFLT_TP nz=80 /\n&BC_DYNFLT_SWF")
+
+
+def test_what_is_proposed_to_be_left_out_works() -> None:
+    """All names of a refusal together; a material without which there is no body is not proposed."""
+    inputs = [[FEATURES[name]] for name in FEATURES] + [list(FLUID), list(MATERIAL), [*FLUID, FEATURES["BC_DYNFLT.pp"]]]
+    proposed = []
+    for changes in inputs:
+        text = INPUT
+        for old, new in changes:
+            text = changed(old, new, text)
+        with pytest.raises(ConversionError) as caught:
+            convert(text)
+        names = re.findall(r"--without (\S+)", str(caught.value))
+        proposed.append(names)
+        if names and all(line.strip().startswith(tuple(names)) for line in str(caught.value).splitlines()[1:-1]):
+            parse_case(tomllib.loads(convert(text, without=names).text))
+    assert proposed[-3:] == [["BC_DYNFLT_TP"], [], ["BC_DYNFLT_TP", "BC_DYNFLT.pp"]]
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "Par.inp").write_text(VERTICAL)
     with pytest.raises(

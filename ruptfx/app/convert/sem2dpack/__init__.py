@@ -15,10 +15,11 @@ from pathlib import Path
 
 import tomli_w
 
-from ruptfx import Table
+from ruptfx import RuptfxError, Table
 from ruptfx.app.convert.sem2dpack import boundaries, fault, materials, mesh, receivers, sources, steps
-from ruptfx.app.convert.sem2dpack.blocks import LEFT_OUT, Block, ConversionError, Input, read
+from ruptfx.app.convert.sem2dpack.blocks import LEFT_OUT, NO_COUNTERPART, Block, ConversionError, Input, read
 from ruptfx.app.convert.sem2dpack.layout import Layout, arrange
+from ruptfx.case import parse_case
 
 __all__ = ["Conversion", "ConversionError", "convert", "convert_file"]
 INFINITE = 1e30
@@ -75,11 +76,30 @@ def convert(
     table = found.table()
     if given.problems:
         lines = ["no counterpart, or incomplete:", *(f"  {each}" for each in given.problems)]
-        if refused := next((each.partition(":")[0] for each in given.problems if not each.startswith("&")), ""):
-            lines.append(f"a name without & can be left out of the case, as: --without {refused}")
+        if names := _removable(text, given, mesh_file):
+            options = " ".join(f"--without {name}" for name in names)
+            lines.append(f"can be left out of the case, which changes the result: {options}")
         raise ConversionError("\n".join(lines))
     head = [f"# From {source} of SEM2DPACK, by: ruptfx convert", *(f"# - {note}" for note in given.notes)]
     return Conversion("\n".join(head) + "\n" + tomli_w.dumps(table), given.notes, found.mesh_text)
+
+
+def _removable(text: str, given: Input, mesh_file: str) -> list[str]:
+    """Return the refused features without which fewer problems remain; none if the case without them is invalid."""
+    refused = dict.fromkeys(each.partition(":")[0] for each in given.problems if not each.startswith("&"))
+
+    def attempt(names: Iterable[str]) -> tuple[Input, Table]:
+        again = Input(read(text), given.folder, given.without.union(name.lower() for name in names))
+        return again, _Case(again, mesh_file).table()
+
+    names = [name for name in refused if set(attempt([name])[0].problems) < set(given.problems)]
+    remaining, table = attempt(names)
+    if not remaining.problems:
+        try:
+            parse_case(table)
+        except RuptfxError:
+            return []
+    return names
 
 
 def convert_file(path: Path, mesh_file: str, without: Iterable[str] = ()) -> Conversion:
@@ -129,7 +149,7 @@ class _Case:
             if block.name.startswith(LEFT_OUT):
                 self.given.note(f"left out: &{block.name}")
             elif block.name not in known and not block.name.startswith(("DIST_", "MAT_")):
-                self.given.refuse(block.name, "a block without counterpart")
+                self.given.refuse(block.name, NO_COUNTERPART)
 
     def _general(self) -> None:
         general = self.given.one("GENERAL")

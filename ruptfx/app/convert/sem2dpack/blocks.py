@@ -26,6 +26,9 @@ class ConversionError(RuptfxError):
     """An input that cannot be converted; the message lists every reason, each with its block and key."""
 
 
+NO_COUNTERPART = "a block without counterpart"
+
+
 @dataclass
 class Block:
     """One namelist: values by key in lower case, and the numbers that follow it."""

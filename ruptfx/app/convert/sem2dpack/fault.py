@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from ruptfx import Table
-from ruptfx.app.convert.sem2dpack.blocks import Block, ConversionError, Input
+from ruptfx.app.convert.sem2dpack.blocks import NO_COUNTERPART, Block, ConversionError, Input
 from ruptfx.app.convert.sem2dpack.boundaries import Fault
 from ruptfx.app.convert.sem2dpack.distributions import value
 from ruptfx.app.convert.sem2dpack.fault_line import FaultLine
 
 READS = {"BC_DYNFLT", "BC_DYNFLT_SWF", "BC_DYNFLT_TWF", "BC_DYNFLT_RSF", "BC_DYNFLT_NOR", "BC_LSF"}
+LAWS = {"SWF", "TWF", "RSF"}
 HUGE = 1e30
 PRESSED = 1e10  # Pa
 STRESSES = ("sxx", "sxy", "sxz", "syz", "szz")
@@ -77,8 +78,11 @@ class _Friction:
             {key: (key, 0.0) for key in ("cohesion", "tn", "tt", *STRESSES)} | {"v": ("v", 1e-12)},
         )
         names = [name for name in block.words("friction", "SWF") if name]
+        for name in set(names) - LAWS if set(names) & LAWS else ():
+            self.given.refuse(f"BC_DYNFLT_{name}", NO_COUNTERPART)
+            names.remove(name)
         slip_weakening, rate_and_state = "SWF" in names, "RSF" in names
-        if set(names) - {"SWF", "TWF", "RSF"} or (slip_weakening and rate_and_state) or not names:
+        if set(names) - LAWS or (slip_weakening and rate_and_state) or not names:
             raise ConversionError(
                 f"&BC_DYNFLT friction = {names}: must be SWF, TWF, RSF, or one of SWF and RSF with TWF"
             )

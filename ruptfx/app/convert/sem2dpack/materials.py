@@ -50,6 +50,9 @@ def read(given: Input) -> dict[int, Medium]:
         for kind in kinds:
             if kind not in (*BODIES, "KV"):
                 given.refuse(f"MATERIAL.{kind}", REFUSED.get(kind, "a material without counterpart"))
+        left_out = {kind for kind in kinds if kind == "KV" or f"material.{kind}".lower() in given.without}
+        if left_out == set(kinds):
+            raise ConversionError(f"&MATERIAL tag = {tag}: is required; give ELAST in the place of {', '.join(kinds)}")
         for kind in (each for each in kinds if each in BODIES):
             viscosity = _properties(given, block, "MAT_KV") if "KV" in kinds else None
             name, convert = BODIES[kind]
