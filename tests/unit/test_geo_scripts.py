@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -141,3 +146,49 @@ def test_what_gmsh_says_of_a_script(tmp_path: Path) -> None:
     path.write_text(PLATES.replace("Plane Surface", "Plain Surface"))
     with pytest.raises(RuptfxError, match=facts(r"plates.geo: Gmsh could not mesh it: (?!Traceback)")):
         build(path)
+
+
+def test_a_last_line_without_an_end_counts(tmp_path: Path) -> None:
+    """It names three edges; the size of the elements is in the file of options, the name of one in another script."""
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "first.geo").write_text('Mesh.Algorithm = 6; top = "upper.top";')
+    meshes = []
+    for end in ("\n", ""):
+        path = tmp_path / f"plates{len(end)}.geo"
+        named = PLATES.replace('"upper.top"', "Str(top)").strip()
+        path.write_text('Include "parts/first.geo";\n' + named + end)
+        path.with_name(path.name + ".opt").write_text("Mesh.Algorithm = 6; Mesh.MeshSizeFactor = 0.5;\n")
+        meshes.append(GmshFile.model_validate({"file": str(path), "interfaces": SIDES}).build())
+    assert {"lower.bottom", "upper.left", "upper.top"} <= set(meshes[1].edges)
+    assert [len(mesh.edges["upper.top"]) for mesh in meshes] == [40, 40]
+
+
+def test_sigterm_ends_gmsh_and_removes_its_folder(tmp_path: Path) -> None:
+    """The script counts to 1e9; the folder of its mesh is in that of temporary files."""
+    pytest.importorskip("gmsh")
+    pytest.importorskip("meshio")
+    slow = tmp_path / "slow.geo"
+    slow.write_text(PLATES.replace("h = 2e-3;", "h = 2e-3; For k In {1:1000000000} x = k; EndFor"))
+    code = (
+        "import sys; from ruptfx.bodies.meshes.gmsh_file import GmshFile\n"
+        f"try: GmshFile(file={str(slow)!r}).build()\n"
+        "except Exception as error: sys.exit(type(error).__name__ + ' ' + str(error))"
+    )
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], env={**os.environ, "TMPDIR": str(folder)}, stderr=subprocess.PIPE, text=True
+    )
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    deadline = time.monotonic() + 60
+    while not (gmsh := children.read_text().split()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(gmsh) == 1 and len(list(folder.iterdir())) == 1
+    time.sleep(0.5)
+    process.send_signal(signal.SIGTERM)
+    text = process.communicate(timeout=60)[1]
+    assert process.returncode == 1 and text.startswith("RuptfxError") and "SIGTERM" in text and "slow.geo" in text
+    assert not list(folder.iterdir())
+    assert not Path(f"/proc/{gmsh[0]}").exists()

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 import subprocess
 import sys
 import tempfile
-from contextlib import redirect_stdout
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -22,6 +24,7 @@ from ruptfx.bodies.meshes._cut import Facets, places
 from ruptfx.input.schema import CasePath, Name, OwnJsonSchema, Part
 from ruptfx.input.units import Positive
 from ruptfx.platform.files import require_file
+from ruptfx.platform.launch import ends_with_parent
 
 if TYPE_CHECKING:
     from meshio import Mesh
@@ -313,6 +316,24 @@ def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
     return found
 
 
+@contextmanager
+def _ended_by_a_signal(path: Path) -> Iterator[None]:
+    """Raise an error at SIGTERM, so that the process of Gmsh ends and its folder is removed."""
+
+    def stop(number: int, _: object) -> None:
+        raise RuptfxError(f"{path}: ended by {signal.Signals(number).name} while Gmsh meshed it; nothing was written")
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not the main thread, which signals interrupt
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _generate(path: Path, folder: Path, trust: bool) -> Path:
     """Mesh a script in a separate process with a time limit.
 
@@ -323,14 +344,22 @@ def _generate(path: Path, folder: Path, trust: bool) -> Path:
     RuptfxError
         Gmsh cannot mesh it, or takes too long.
     """
-    mesh = folder / "generated.msh"
+    mesh, script = folder / "generated.msh", path.absolute()
+    if not path.read_bytes().endswith(b"\n"):
+        # Of a last line without an end Gmsh runs the first statement only, unless another script includes the file.
+        script = folder / "script.geo"
+        script.write_text(f'Include "{path.absolute()}";\n')
+        options = path.with_name(path.name + ".opt")
+        if options.is_file():
+            script.with_name(script.name + ".opt").write_bytes(options.read_bytes() + b"\n")
     here = os.getcwd() if trust else str(folder)
-    command = [sys.executable, "-m", "ruptfx.bodies.meshes._gmsh", str(path.absolute()), str(mesh), here]
+    command = [sys.executable, "-m", "ruptfx.bodies.meshes._gmsh", str(script), str(mesh), here]
     try:
-        done = subprocess.run(
-            command, timeout=SECONDS, check=False, text=True, errors="replace", stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        )  # fmt: skip
+        with _ended_by_a_signal(path):
+            done = subprocess.run(
+                command, timeout=SECONDS, check=False, text=True, errors="replace", stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, preexec_fn=ends_with_parent(),
+            )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise RuptfxError(
             f"{path}: Gmsh took longer than {SECONDS:g} s; coarsen the mesh, or mesh it with Gmsh yourself and give "
