@@ -21,6 +21,7 @@ from ruptfx.bodies.state import FaultState, State
 from ruptfx.input.schema import CaseError, Part
 from ruptfx.interfaces.cracks import CrackLaws, Fracture
 from ruptfx.interfaces.cracks._network import CrackNetwork
+from ruptfx.interfaces.faults.point_code import ITERATION, scalar_step
 from ruptfx.interfaces.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.laws.friction import FrictionLaw
 from ruptfx.laws.materials import Material, Plane
@@ -592,6 +593,8 @@ def formulas(laws: CrackLaws, rated: bool = False) -> tuple[Table, Table]:
         macros["BEGUN"] = ", ".join([*(f"BEGUN_{name}" for name in law.start), "BEGUN_COUNT"])
         macros |= {name: f"begun[BEGUN_{name}]" for name in law.start}
         formulas["BEGIN"] = {f"begun[BEGUN_{name}]": value for name, value in law.start.items()}
+        formulas |= scalar_step()
+        macros |= ITERATION
         formulas["STRENGTH"] = {name: law.outputs[name] for name in ("strength", "slope")}
         formulas["ADVANCE"] = {f"OLD({name})": law.outputs[f"n_{name}"] for name in law.state_names}
     else:

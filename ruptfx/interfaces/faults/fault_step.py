@@ -83,12 +83,11 @@ class FaultStep:
             "normal_impedance": symbol("FIXED(normal_impedance)"),
             "shear_impedance": [symbol(f"FIXED(shear_impedance + {k})") for k in tangents],
         }
-        macros = {"RADIATION": "0", "GUESS": "EACH_TANGENT guess += OLD(mean_slip_rate + k) * points->way[k][l];"}
-        self._library = self._code.compile("fault_step", self.sources, known, macros)
+        self._library = self._code.compile("fault_step", self.sources, known)
         self._coupled: HeldPoints | None = None
         if len(index):
             code = PointCode(fault, law, columns | coupling_columns(face, inverse_mass, clock.kick))
-            library = code.compile("held_points", HeldPoints.sources, known, macros)
+            library = code.compile("held_points", HeldPoints.sources, known)
             self._coupled = HeldPoints(code, library, index, (self._nodes[0], self._nodes[1]))
         carried = law.carried(clock.extrapolation)
         self._times = np.array([clock.dt, clock.kick, clock.since, clock.extrapolation, carried, threshold, 0.0])

@@ -54,13 +54,11 @@ INLINE void coupled_point(const struct times *times, const double *number, struc
         double any = 0;
         for (int l = 0; l < LANES; l++) {
             if (active[l] == 0) continue;
-            const int closed = TOGETHER(points->sigma[l]), stuck = (points->rate[l] == 0) & closed;
             double size = fabs(FIXED(normal_stress_0)) + fabs(points->sigma[l]), error = 0, square = 0;
             double change[TANGENTS], added[TANGENTS];
             if (NORMAL) error = fabs(points->sigma[l] - normal[l]);
             EACH_TANGENT {
-                const double slip_rate = stuck ? 0 : slip_rate_of(points, k, l);
-                const double traction = closed ? points->trial_shear[k][l] - points->z[k][l] * slip_rate : 0;
+                const double traction = NEW(shear_traction + k);
                 change[k] = traction - FIXED(shear_traction_0 + k);
                 added[k] = change[k] - shear[k][l];
                 error = fmax(error, fabs(added[k]));

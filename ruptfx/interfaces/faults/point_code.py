@@ -8,24 +8,25 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from importlib.resources import files
 from itertools import accumulate
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from ruptfx import Table
 from ruptfx.bodies.state import FaultState
 from ruptfx.input.fields import FIELDS, MONITORS, Moment
+from ruptfx.interfaces.faults import point_step
 from ruptfx.interfaces.faults.cohesive_interface import DAMAGED, STATE
 from ruptfx.interfaces.faults.fault import Fault
-from ruptfx.interfaces.faults.point_step import BALANCED, BISECT_EVERY, MAX_ITERATIONS, TOLERANCE
 from ruptfx.interfaces.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.laws.contact import Point, Trial
-from ruptfx.laws.friction import AT_REST
 from ruptfx.platform.codegen import native
-from ruptfx.platform.codegen.tracing import Expression, constant, record, symbol, to_c
+from ruptfx.platform.codegen.tracing import Expression, constant, record, substituted, symbol, to_c
 
+ITERATION = {"MAX_ITERATIONS": point_step.MAX_ITERATIONS, "BISECT_EVERY": point_step.BISECT_EVERY}
 LANES = 8  # points that the C code computes at a time
 FAILURE = ("trial_normal_stress", "trial_shear_traction", "Z", "last_slip_rate")
 
@@ -89,8 +90,8 @@ class PointCode:
         self._fault.fail(state, int(result[1]), time, values)
 
     def compile(
-        self, name: str, sources: Sequence[str], known: Mapping[str, Any], macros: Mapping[str, object],
-        at_end: Mapping[str, Expression] | None = None,
+        self, name: str, sources: Sequence[str], known: Mapping[str, Any], radiation: Expression | None = None,
+        guess: Expression | None = None,
     ) -> ctypes.CDLL:  # fmt: skip
         """Compile `points.c` with further sources and return the library.
 
@@ -102,12 +103,14 @@ class PointCode:
             Source files of the steps.
         known : dict
             Further fields of `contact.Point` that the steps provide, as symbols.
-        macros : dict
-            Macros of the start of a step, see `points.c`.
-        at_end : dict of str to Expression, optional
-            What else they need of the law at the slip rate that was found, by where it goes.
+        radiation : Expression, optional
+            Traction per slip rate on top of the strength [Pa s/m].
+        guess : Expression, optional
+            Slip rate to begin with [m/s]; default: that of the previous step.
         """
-        macros = self._sizes() | self._symbols() | self._formulas(known, at_end or {}) | dict(macros)
+        formulas = self._formulas(known) | self._step_formulas(radiation, guess)
+        macros = self._sizes() | self._symbols() | self._strengths()
+        macros |= {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
         parts = "interfaces/faults/return_map.c", "interfaces/faults/points.c", *sources
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
         return native.load(name, source, macros)
@@ -118,8 +121,7 @@ class PointCode:
             "LANES": LANES, "COMPONENTS": face.frame.shape[2], "LOCAL": face.frame.shape[1], "TANGENTS": face.tangents,
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
             "BONDED": int(self._cohesion is not None),
-            "TOLERANCE": TOLERANCE, "BALANCED": BALANCED, "AT_REST": AT_REST, "MAX_ITERATIONS": MAX_ITERATIONS,
-            "BISECT_EVERY": BISECT_EVERY, "DAMAGED": DAMAGED,
+            "DAMAGED": DAMAGED, "TOLERANCE": point_step.TOLERANCE, **ITERATION,
         }  # fmt: skip
 
     def _symbols(self) -> dict[str, object]:
@@ -139,13 +141,16 @@ class PointCode:
         found |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
         return found | {name: f"BEGUN({name})" for name in law.start}
 
-    def _formulas(self, known: Mapping[str, Any], at_end: Mapping[str, Expression]) -> dict[str, object]:
-        """Return the traced formulas as C statements."""
-        law, tangents = self._law, range(self._fault.tangents)
+    def _strengths(self) -> dict[str, object]:
+        return {} if self._cohesion is None else {"TENSILE_STRENGTH": "b_f_t", "COHESION": "b_c"}
 
-        def each(place: str) -> list[Expression]:
-            return [symbol(place.format(k)) for k in tangents]
+    def _each(self, place: str) -> list[Any]:
+        """Return a vector in memory."""
+        return [symbol(place.format(k)) for k in range(self._fault.tangents)]
 
+    def _formulas(self, known: Mapping[str, Any]) -> dict[str, Table]:
+        """Return the traced formulas of contact method, monitors and cohesion by the name of their macro."""
+        each, tangents = self._each, range(self._fault.tangents)
         opening = symbol("points->opening[l]") if self._fault.interface.has_normal else constant(0)
         trial: Trial = record(self._contact.trial, Point(
             normal_stress_0=symbol("FIXED(normal_stress_0)"), shear_traction_0=each("FIXED(shear_traction_0 + {})"),
@@ -156,23 +161,16 @@ class PointCode:
             self._contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate"))
         )
         at = Moment(**{field.name: symbol(field.name) for field in fields(Moment)})
-        formulas = {
+        formulas: dict[str, Table] = {
             "TRIAL": {
                 "points->trial_normal[l]": trial.normal_stress, "points->compliance[l]": trial.normal_compliance,
+                "points->sigma[l]": point_step.normal_stress(trial.normal_stress),
                 **{f"points->trial_shear[{k}][l]": trial.shear_traction[k] for k in tangents},
                 **{f"points->z[{k}][l]": trial.impedance[k] for k in tangents},
-            },
-            "BEGIN": {f"BEGUN({name})": value for name, value in law.start.items()},
-            "STRENGTH": {"strength": law.outputs["strength"]},
-            "SOLVED": {name: law.outputs[name] for name in ("strength", "slope", "rate_now", "rate_slope")},
-            "ADVANCED": {
-                "points->rate_now[l]": law.outputs["rate_now"],
-                **{f"NEW({name})": law.outputs[f"n_{name}"] for name in law.state_names}, **at_end,
             },
             "DISSIPATED": {"taken": taken},
             "MONITORS": {f"NEW({m.name})": m.update(symbol(f"OLD({m.name})"), at) for m in MONITORS},
         }  # fmt: skip
-        strengths: dict[str, object] = {}
         if self._cohesion is not None:
             bond = self._cohesion
             formulas |= {
@@ -180,8 +178,130 @@ class PointCode:
                 "LEFT_SLOPE": {"left_slope": bond.remaining_slope},
                 "DAMAGE_SLOPES": {"by_opening": bond.damage_by_opening, "by_slip": bond.damage_by_slip},
             }  # fmt: skip
-            strengths = {"TENSILE_STRENGTH": "b_f_t", "COHESION": "b_c"}
-        return strengths | {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
+        return formulas
+
+    def _step_formulas(self, radiation: Expression | None, guess: Expression | None) -> dict[str, Table]:
+        """Return the traced formulas of `point_step` by the name of their macro."""
+        law, each, tangents = self._law, self._each, range(self._fault.tangents)
+        at_end, normal = law.at_end, int(self._fault.interface.has_normal)
+        before, shear = each("OLD(mean_slip_rate + {})"), each("points->trial_shear[{}][l]")
+        sigma, sigma_before = _in_points("sigma"), symbol("OLD(normal_stress)")
+        is_closed: Any = sigma > 0
+        bond, pressure, pressure_before = constant(0), sigma, sigma_before
+        if self._cohesion is not None:
+            bond = _in_points("bond")
+            is_closed = is_closed | (_in_points("tension") > 0) | (bond > 0)
+            pressure, pressure_before = point_step.normal_stress(sigma), point_step.normal_stress(sigma_before)
+
+        shifted = point_step.shifted_trial(shear, each("points->z[{}][l]"), before, symbol("carried"))
+        stored, trial = _stored(shifted, changes=False)
+        given = {
+            symbol("rate_before"): trial.rate_before, symbol("speed_before"): _in_points("speed_before"),
+            symbol("normal_stress"): pressure, symbol("normal_stress_before"): pressure_before,
+            symbol("radiation"): constant(0) if radiation is None else radiation, symbol("bond"): bond,
+        }
+        begun = dict(zip(law.start, substituted(law.start.values(), given), strict=True))
+        (at_rest,) = substituted([law.outputs["strength"]], given | {symbol("slip_rate"): constant(0)})
+        first = point_step.first_iterate(
+            trial, _in_points("trial_normal"), sigma, symbol("at_rest[l]"),
+            trial.rate_before if guess is None else guess, is_closed,
+        )
+        iterated, last = _stored(first, changes=True)
+
+        given[symbol("slip_rate")] = last.rate
+        wanted = law.outputs | law.slopes
+        at: Table = dict(zip(wanted, substituted(wanted.values(), given), strict=True))
+        spread = at["rate_now"] / at["rate_slope"]
+        following = point_step.next_iterate(
+            last, trial, sigma, *map(symbol, ("strength", "slope", "spread", "bisects"))
+        )
+        result = point_step.sliding(
+            trial, shear, before, last.rate, at["rate_now"], last.direction, is_open=np.logical_not(is_closed),
+            is_stuck=is_closed & np.equal(last.rate, 0.0), at_end=at_end,
+        )  # fmt: skip
+        mean, now = result.mean_slip_rate, result.slip_rate
+        if at_end:  # a step of zero length keeps the rates
+            known = (mean, before), (now, each("OLD(slip_rate + {})"))
+            mean, now = (
+                [np.where(symbol("since") > 0, *pair) for pair in zip(*rates, strict=True)] for rates in known
+            )
+        slips = point_step.slip_after(
+            each("OLD(slip + {})"), each("NEW(mean_slip_rate + {})") if at_end else before, symbol("since")
+        )
+        opening = point_step.opening_after(
+            sigma, _in_points("trial_normal"), _in_points("compliance"), sigma_before, _in_points("opening"), at_end
+        )
+        changes = {"points->change[0][l]": symbol("FIXED(normal_stress_0)") - sigma} if normal else {}
+        return {
+            "SHIFTED_TRIAL": {
+                **stored, "points->speed_before[l]": point_step.length(before),
+                "points->speed_then[l]": point_step.length(each("OLD(slip_rate + {})")),
+            },
+            "BEGIN": {f"BEGUN({name})": value for name, value in begun.items()},
+            "STRENGTH_AT_REST": {"at_rest[l]": at_rest},
+            "FIRST_ITERATE": iterated,
+            "RESISTANCE": {"strength": at["strength"], "slope": at["slope"], "spread": spread},
+            "NEXT_ITERATE": _stored(following, changes=True)[0],
+            "SLIDING": {
+                **{f"NEW(mean_slip_rate + {k})": mean[k] for k in tangents},
+                **{f"NEW(slip_rate + {k})": now[k] for k in tangents},
+                **{f"NEW(shear_traction + {k})": result.shear_traction[k] for k in tangents},
+                **{f"NEW({name})": at[f"n_{name}"] for name in law.state_names},
+                **({} if radiation is None else {f"points->{name}[l]": at[name] for name in law.slopes}),
+            },
+            "WRITE_BACK": {
+                **{f"NEW(slip + {k})": slips[k] for k in tangents},
+                "NEW(normal_stress)": sigma, "NEW(opening)": opening, **changes,
+                **{f"points->change[NORMAL + {k}][l]": symbol(f"NEW(shear_traction + {k})")
+                   - symbol(f"FIXED(shear_traction_0 + {k})") for k in tangents},
+            },
+        }  # fmt: skip
+
+
+def scalar_step() -> dict[str, Table]:
+    """Return the formulas of a point with one tangent and no slip before, for `rated.c`, by the name of their macro."""
+    zero, is_closed, strength = constant(0), np.True_, symbol("strength")
+    trial = point_step.shifted_trial([symbol("trial")], [symbol("z")], [zero], 1.0)
+    names = ("rate", "low", "high", "goes_on")
+    last = point_step.Iterate(direction=trial.direction, **{name: symbol(name) for name in names})
+    # The law sees V itself, without extrapolation.
+    iterates = {
+        "FIRST_ITERATE": point_step.first_iterate(trial, zero, zero, strength, zero, is_closed),
+        "NEXT_ITERATE": point_step.next_iterate(
+            last, trial, zero, strength, symbol("slope"), last.rate, symbol("bisects")
+        ),
+    }
+    return {macro: {name: getattr(each, name) for name in names} for macro, each in iterates.items()}
+
+
+def _in_points(name: str) -> Any:
+    return symbol(f"points->{name}[l]")
+
+
+Part = TypeVar("Part", point_step.ShiftedTrial, point_step.Iterate)
+
+
+def _stored(part: Part, changes: bool) -> tuple[dict[str, Expression], Part]:
+    """Return the values of a part of a step by their place in `struct points`, and the part as read from there.
+
+    A part that does not change is read where its values are already.
+    """
+    outputs: dict[str, Expression] = {}
+    read: Table = {}
+    known: dict[Expression, Expression] = {}
+    for name in (field.name for field in fields(part)):
+        value = getattr(part, name)
+        is_vector = isinstance(value, Sequence)
+        values = value if is_vector else [value]
+        places = [symbol(f"points->{name}{f'[{k}]' if is_vector else ''}[l]") for k in range(len(values))]
+        for k, each in enumerate(values):
+            if not changes and (each.op == "symbol" or each in known):
+                places[k] = known.get(each, each)
+            elif each is not places[k]:
+                known[each] = places[k]
+                outputs[places[k].args[0]] = each
+        read[name] = places if is_vector else places[0]
+    return outputs, replace(part, **read)
 
 
 def filled(values: np.ndarray) -> np.ndarray:

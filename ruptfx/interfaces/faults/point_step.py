@@ -40,6 +40,11 @@ Vector = Sequence[Any]
 """An `Array` per tangent."""
 
 
+def normal_stress(trial: Array) -> Any:
+    """Return the admissible normal stress of a trial one without cohesion [Pa]."""
+    return np.where(trial > 0, trial, 0.0)
+
+
 @dataclass(frozen=True)
 class ShiftedTrial:
     """The trial shear traction with the contribution of the previous step.

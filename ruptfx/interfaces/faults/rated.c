@@ -1,6 +1,7 @@
 // Friction with rates and states at the end of a step, for facets and collisions: what is known when the step begins, strength at a
 // slip rate, the slip rate under a trial traction, state after the step. In front of it stand STATES, the numbers of the states,
-// BEGUN and the traced formulas BEGIN, STRENGTH and ADVANCE. A law without rates and states (RATED is 0) needs none of it.
+// BEGUN, the traced formulas BEGIN, STRENGTH and ADVANCE of the law, and those of the step of a contact point (point_step.py)
+// FIRST_ITERATE and NEXT_ITERATE, with MAX_ITERATIONS and BISECT_EVERY. A law without rates and states (RATED is 0) needs none of it.
 enum { STATES };  // STATE_theta = 0, ...
 #define OLD(name) state[STATE_##name][l]
 
@@ -36,23 +37,19 @@ static double friction_at(const struct rated *at, const double *number, double s
     return strength;
 }
 
-// Slip rate V at which friction and z V are what is left of a trial traction, by the steps of `next_rate`; no number where there is none. `friction` becomes its strength.
+// Slip rate V at which friction and z V balance a trial traction; not a number where there is none. `friction` becomes the
+// strength at V.
 static double solve_slip_rate(const struct rated *at, const double *number, double trial, double z, double *friction)
 {
-    double slope, low = 0, high = trial / z, v = high;
-    *friction = friction_at(at, number, 0, &slope);
-    if (!(trial > *friction) || !(high > 0)) return 0;
-    v = (trial - *friction) / z;
-    for (int iteration = 0; iteration < 100; iteration++) {
-        *friction = friction_at(at, number, v, &slope);
-        const double residual = trial - z * v - *friction;
-        if (fabs(residual) <= 1e-13 * trial) return v;
-        if (residual > 0) low = v;
-        else high = v;
-        if (high - low <= 1e-15 * high) return fabs(residual) <= 1e-9 * trial ? v : NAN;
-        v = next_rate(v, low, high, residual, slope + z, z, v, iteration % 8 == 7);
+    double slope, rate, low, high, goes_on, strength = friction_at(at, number, 0, &slope);
+    { FIRST_ITERATE }
+    for (int iteration = 0; goes_on != 0 && iteration < MAX_ITERATIONS; iteration++) {
+        const int bisects = iteration % BISECT_EVERY == BISECT_EVERY - 1;
+        strength = friction_at(at, number, rate, &slope);
+        NEXT_ITERATE
     }
-    return NAN;
+    *friction = strength;
+    return goes_on != 0 ? NAN : rate;
 }
 
 // What the law knows when the step begins.

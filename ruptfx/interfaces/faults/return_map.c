@@ -1,22 +1,10 @@
 // The return map of contact in scalars, for the points of interfaces (points.c), facets (cracks.c, patch.c, rigid.c) and
-// collisions (collide.c): slip rate, shear and normal traction, damage, and the split of the work between cohesion and friction.
+// collisions (collide.c): shear and normal traction, damage, and the split of the work between cohesion and friction.
 #include <math.h>
 
 #ifndef INLINE
 #define INLINE static inline __attribute__((always_inline))
 #endif
-
-// The next slip rate to try, within a bracket, where `residual` is left of a trial traction and `slope` is that of z V + strength:
-// Newton in V where the impedance rules, in the logarithm of what the law sees where the law does; else, and now and
-// then, bisection.
-INLINE double next_rate(double v, double low, double high, double residual, double slope, double z, double spread,
-                        int bisect)
-{
-    const double step = slope > 2 * z ? v + spread * expm1(residual / (slope * spread)) : v + residual / slope;
-    const double floor_ = low > 1e-12 * high ? low : 1e-12 * high;
-    const double middle = low > 1e-3 * high ? 0.5 * (low + high) : sqrt(floor_ * high);
-    return step > low && step < high && !bisect ? step : middle;
-}
 
 INLINE double admissible_shear(double trial, double strength)
 {

@@ -201,9 +201,7 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
         if (failed(first, (int)count, points, result)) return -1;
         double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
         EACH_LANE {
-            const int closed = TOGETHER(points->sigma[l]), stuck = (points->rate[l] == 0) & closed, there = l < count;
-            const double stuck_shear = points->trial_shear[0][l] - points->z[0][l] * (stuck ? 0 : slip_rate_of(points, 0, l));
-            normal[l] = there ? points->sigma[l] : 0, shear[l] = there & closed ? stuck_shear : 0;
+            normal[l] = l < count ? points->sigma[l] : 0, shear[l] = l < count ? NEW(shear_traction) : 0;
         }
         if (!hold_of(f, s, first)) continue;
         const int more = unconverged(f, s, first, given, scale);

@@ -197,13 +197,18 @@ _C = {
     "logaddexp": "({0} == {1} ? {0} + M_LN2 : fmax({0}, {1}) + log1p(exp(-fabs({0} - {1}))))",
     "floor": "floor({0})", "ceil": "ceil({0})", "trunc": "trunc({0})", "rint": "rint({0})",
     "maximum": "({0} > {1} ? {0} : {1})", "minimum": "({0} < {1} ? {0} : {1})",
-    "sign": "(double)(({0} > 0) - ({0} < 0))", "where": "({0} != 0 ? {1} : {2})",
+    "sign": "({0} > 0 ? 1.0 : {0} < 0 ? -1.0 : 0.0)", "where": "({0} != 0 ? {1} : {2})",
     "less": "(double)({0} < {1})", "less_equal": "(double)({0} <= {1})", "greater": "(double)({0} > {1})",
     "greater_equal": "(double)({0} >= {1})", "equal": "(double)({0} == {1})", "not_equal": "(double)({0} != {1})",
     "logical_and": "(double)({0} != 0) * ({1} != 0)", "logical_or": "(double)(({0} != 0) + ({1} != 0) > 0)",
     "logical_xor": "(double)(({0} != 0) != ({1} != 0))", "logical_not": "(double)({0} == 0)",
     "isfinite": "(double)(isfinite({0}) != 0)", "isinf": "(double)(isinf({0}) != 0)",
     "isnan": "(double)(isnan({0}) != 0)",
+}  # fmt: skip
+
+# The same, and faster in vectors, where all arguments are conditions, which are 0 or 1.
+_C_OF_CONDITIONS = {
+    "logical_and": "{0} * {1}", "logical_or": "({0} > {1} ? {0} : {1})", "logical_not": "1 - {0}",
 }  # fmt: skip
 
 _CONDITIONS = {
@@ -468,7 +473,8 @@ def to_c(outputs: Mapping[str, Expression | float], end: str = "\n") -> str:
             names[node] = _literal(node.args[0], "INFINITY", "NAN")
         else:
             names[node] = f"e{len(lines)}"
-            text = _C[node.op].format(*(names[arg] for arg in node.args))
+            texts = _C | _C_OF_CONDITIONS if all(arg.is_condition for arg in node.args) else _C
+            text = texts[node.op].format(*(names[arg] for arg in node.args))
             lines.append(f"const double {names[node]} = {text};")
     lines += [f"{target} = {names[node]};" for target, node in targets.items()]
     return end.join(lines)

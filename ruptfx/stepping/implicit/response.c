@@ -20,11 +20,11 @@ INLINE void differentiate(const struct times *times, const struct points *points
         // (Z + dstrength/dV) dV = dt - dstrength/db db - dstrength/dsigma dsigma; an open interface has no strength
         const double yields = slides ? 1 / (z + (together ? points->slope[l] : 0)) : 0, by_stress = closed ? points->stress_slope[l] : 0;
         const double by_before = together ? points->before_slope[l] : 0;
-        double product = 0, before_along = 0, turning_along = 0;
+        double product = 0, before_along = 0, shift_along = 0;
         EACH_TANGENT {
             product += OLD(mean_slip_rate + k) * points->trial_shear[k][l];
-            before_along += OLD(mean_slip_rate + k) * points->way[k][l];
-            turning_along += points->turning[k][l] * points->way[k][l];
+            before_along += OLD(mean_slip_rate + k) * points->direction[k][l];
+            shift_along += points->shift[k][l] * points->direction[k][l];
         }
         const int forward = product > 0;
         if (NORMAL) {
@@ -33,18 +33,18 @@ INLINE void differentiate(const struct times *times, const struct points *points
             for (int k = 0; k < TANGENTS; k++) {
                 tangent[1 + k][l] = 0;
                 // Opening lowers the trial pressure, and the slip rate grows for it.
-                tangent[LOCAL * (1 + k)][l] = -z * normal * yields * by_stress * points->way[k][l];
+                tangent[LOCAL * (1 + k)][l] = -z * normal * yields * by_stress * points->direction[k][l];
             }
         }
         for (int j = 0; j < TANGENTS; j++) {
-            const double d = points->way[j][l];
+            const double d = points->direction[j][l];
             // What is across the direction, over the size of the trial.
             const double before = forward ? bend * (OLD(mean_slip_rate + j) - before_along * d) : 0;
-            const double turning = bend * (points->turning[j][l] - turning_along * d);
-            const double by_size = yields * (d - z * turning - by_before * before);
+            const double shift = bend * (points->shift[j][l] - shift_along * d);
+            const double by_size = yields * (d - z * shift - by_before * before);
             for (int i = 0; i < TANGENTS; i++) {
-                const double across = (i == j) - points->way[i][l] * d;
-                const double slips = points->way[i][l] * (by_size + turning) + (rate + turning_along) * bend * across;
+                const double across = (i == j) - points->direction[i][l] * d;
+                const double slips = points->direction[i][l] * (by_size + shift) + (rate + shift_along) * bend * across;
                 tangent[LOCAL * (NORMAL + i) + NORMAL + j][l] = stiffness * ((i == j) - z * slips);
             }
         }
@@ -81,7 +81,7 @@ INLINE void soften(const struct times *times, const double *number, const struct
         EACH_TANGENT size += NEW(mean_slip_rate + k) * NEW(mean_slip_rate + k);
         size = sqrt(size);
         const double slips = grows && size > 0 ? by_slip * since / size : 0;
-        EACH_TANGENT along += NEW(mean_slip_rate + k) * points->way[k][l];
+        EACH_TANGENT along += NEW(mean_slip_rate + k) * points->direction[k][l];
         const double open = grows && opens ? by_opening * compliance : 0;
         const double whole = 1 + open * by_damage + slips * yields * along * weakens;
         for (int j = 0; j < LOCAL; j++) {
@@ -92,7 +92,7 @@ INLINE void soften(const struct times *times, const double *number, const struct
             }
             damages = grows ? damages / whole : 0;
             if (NORMAL) tangent[j][l] = (j == 0 ? by_pull / compliance : 0) + by_damage * damages;
-            EACH_TANGENT tangent[LOCAL * (NORMAL + k) + j][l] += z * yields * points->way[k][l] * weakens * damages;
+            EACH_TANGENT tangent[LOCAL * (NORMAL + k) + j][l] += z * yields * points->direction[k][l] * weakens * damages;
         }
     }
 }

@@ -68,9 +68,10 @@ class FaultResponse:
             "shear_multiplier": [symbol(f"points->multiplier[{1 + k}][l]") for k in each],
             "body_stiffness": symbol("points->body_stiffness[l]"),
         }  # fmt: skip
-        macros = {"RADIATION": "points->radiation[l]", "GUESS": "guess = points->near[l];"}
-        slopes = {f"points->{name}[l]": slope for name, slope in self._law.slopes.items()}
-        self._library = self._code.compile("response", ("stepping/implicit/response.c",), known, macros, slopes)
+        self._library = self._code.compile(
+            "response", ("stepping/implicit/response.c",), known, radiation=symbol("points->radiation[l]"),
+            guess=symbol("points->near[l]"),
+        )  # fmt: skip
         self._times, self._result = np.zeros(7), np.zeros(2 + len(FAILURE))
         self._threshold = threshold
         self._state: FaultState | None = None
