@@ -66,7 +66,7 @@ pictures: env ## renew the pictures of the site from runs of the demos, and thei
 	$(BIN)/python docs/make_pictures.py
 
 bench: env ## benchmarks with acceptance numbers; fails when one is missed
-	$(BIN)/ruptfx bench all --jobs 2 --out runs/bench
+	$(BIN)/ruptfx bench all --jobs 2 --out runs/bench --overwrite
 
 docker: ## build the image and run the demo in it, as you, with files in ./out
 	docker build -t ruptfx .

@@ -25,6 +25,7 @@ from ruptfx.input.plugins import CaseFile, active, named
 from ruptfx.input.schema import Alternative, Part, find, kinds
 from ruptfx.platform import run_files
 from ruptfx.results.directories import is_finished, prepare, refuse_links, replace, reserved
+from ruptfx.results.hdf5 import write_netcdf
 
 if TYPE_CHECKING:
     import xarray
@@ -139,9 +140,9 @@ def _run(model: LumpedModel, out: Path, progress: Progress) -> xarray.Dataset:
         start = time.perf_counter()
         dataset = _finite(model, progress)
         elapsed = time.perf_counter() - start
-        dataset.to_netcdf(out / "result.nc", engine="h5netcdf", encoding=_compression(dataset))
+        write_netcdf(dataset, out / "result.nc", _compression(dataset))
         progress(1.0, "drawing figures")
-        run_files.add(out, _draw(type(model), dataset, out, ("png",)))
+        run_files.add(out, _draw(type(model), dataset, out / "figures", ("png",)))
         summary = model.summarise(dataset)
     about = {"kind": model.kind(), "case_hash": model.hash, "ruptfx": __version__, "run_time": elapsed}
     run_files.complete(out, _plain(union(summary, about)))
@@ -281,7 +282,9 @@ def read_result(run: str | Path) -> xarray.Dataset:
     return xarray.load_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False)
 
 
-def redraw(run: str | Path, formats: Sequence[str] = ("png",), trust: bool = False) -> list[Path]:
+def redraw(
+    run: str | Path, formats: Sequence[str] = ("png",), trust: bool = False, directory: Path | None = None
+) -> list[Path]:
     """Draw the figures of a finished run again and return their paths.
 
     Parameters
@@ -291,6 +294,8 @@ def redraw(run: str | Path, formats: Sequence[str] = ("png",), trust: bool = Fal
         File types.
     trust : bool
         Run the plug-ins of the run if one of them defines the model.
+    directory : Path, optional
+        Output directory; default is ``figures`` in the run directory.
 
     Raises
     ------
@@ -312,14 +317,14 @@ def redraw(run: str | Path, formats: Sequence[str] = ("png",), trust: bool = Fal
     with active([] if known else named(table, Path(run))):
         cls = find("ruptfx.lumped", kind)
     assert issubclass(cls, LumpedModel)
-    return _draw(cls, dataset, Path(run), formats)
+    return _draw(cls, dataset, directory or Path(run) / "figures", formats)
 
 
 def _draw(cls: type[LumpedModel], dataset: xarray.Dataset, out: Path, formats: Sequence[str]) -> list[Path]:
     paths = []
     for name, figure in cls.figures(dataset).items():
         for suffix in formats:
-            paths.append(out / "figures" / f"{name}.{suffix}")
+            paths.append(out / f"{name}.{suffix}")
             figure.savefig(paths[-1], dpi=200)
     return paths
 

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Literal
 from ruptfx import RuptfxError, Table
 from ruptfx.input.schema import nearest
 from ruptfx.platform.terminal import console
+from ruptfx.results.outputs import Outputs
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -158,7 +159,7 @@ def module_of(path: Path) -> ModuleType:
 
 def run_benchmark(
     name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench", jobs: int = 1,
-    folder: str | Path | None = None,
+    folder: str | Path | None = None, overwrite: bool = False,
 ) -> bool:  # fmt: skip
     """Run one benchmark, or `all`; print its table, save its figure and its numbers from rank 0.
 
@@ -178,6 +179,8 @@ def run_benchmark(
         Benchmarks of `all` that run at the same time, each in a process of its own.
     folder : str or Path, optional
         Further benchmarks, by default those of the checkout that the package runs from.
+    overwrite : bool
+        Also replace files in `out` that no benchmark wrote there.
 
     Returns
     -------
@@ -187,7 +190,7 @@ def run_benchmark(
     Raises
     ------
     RuptfxError
-        No benchmark of that name, or one that was run by its name broke down.
+        No benchmark of that name, one that was run by its name broke down, or a file of the user would be replaced.
     """
     known = benchmarks(folder)
     if name == "list":
@@ -201,6 +204,7 @@ def run_benchmark(
     alone = name != "all"
     outcomes = {}
     chosen = [name] if alone else every
+    Outputs(Path(out), overwrite=overwrite).claim(*(f"{each}.{kind}" for each in chosen for kind in ("png", "json")))
     ended = _each({each: known[each] for each in chosen}, fine, Path(out), alone, jobs)
     for number, (each, (outcome, seconds)) in enumerate(ended, 1):
         outcomes[each] = outcome
@@ -310,25 +314,28 @@ def _run(path: Path, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float
     A benchmark that raises an error while several are run becomes a failed check, so that the others still run.
     """
     name = path.stem
-    out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
     if _is_first():
         console(stderr=True).print(f"{name} ...")
+    figure = None
     try:
         result = module_of(path).run(fine, _world())
         seconds = time.perf_counter() - began
         outcome = result if isinstance(result, Outcome) else Outcome(list(result))
         if outcome.draw is not None and _is_first():
-            outcome.draw().savefig(out / f"{name}.png", dpi=200)
+            figure = outcome.draw()
     except Exception as error:
         if alone:
             raise
         traceback.print_exc()
         said = f"{type(error).__name__}: {error}"[:300]
         outcome, seconds = Outcome([Check("ran to its end", 1.0, math.nan, source=said)]), time.perf_counter() - began
-    saved = {"fine": fine, "seconds": seconds, "checks": _rows(outcome.checks), "rows": outcome.rows or []}
     if _is_first():
-        (out / f"{name}.json").write_text(json.dumps(saved, indent=2) + "\n")
+        saved = {"fine": fine, "seconds": seconds, "checks": _rows(outcome.checks), "rows": outcome.rows or []}
+        with Outputs(out, overwrite=True) as files:  # `run_benchmark` has asked
+            if figure is not None:
+                figure.savefig(files.place / f"{name}.png", dpi=200)
+            (files.place / f"{name}.json").write_text(json.dumps(saved, indent=2) + "\n")
     return outcome, seconds
 
 

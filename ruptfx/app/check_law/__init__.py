@@ -134,7 +134,9 @@ def save_figure(law: Law, path: Path) -> None:
     Raises
     ------
     RuptfxError
-        If the law cannot be evaluated, or the file is not writable.
+        If the law cannot be evaluated.
+    OSError
+        The file is not writable.
     """
     from ruptfx.app.check_law import figure
 
@@ -145,5 +147,7 @@ def save_figure(law: Law, path: Path) -> None:
                 else figure.draw_material(law) if isinstance(law, Material) else figure.draw(law)
             )  # fmt: skip
             drawn.savefig(path)
+    except OSError:
+        raise
     except Exception as error:
-        raise RuptfxError(f"{path}: no picture ({type(error).__name__}: {error})") from error
+        raise RuptfxError(f"{path.name}: no picture ({type(error).__name__}: {error})") from error

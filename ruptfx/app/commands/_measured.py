@@ -45,9 +45,7 @@ def show(
         "misfit: rms(computed - measured) / rms(measured); time shift: delay of the measured signal, at the best "
         "agreement in shape; measured/computed: ratio of amplitudes then", soft_wrap=True,
     )  # fmt: skip
-    out.parent.mkdir(parents=True, exist_ok=True)
     overlay(list(pairs.values()), file.name).savefig(out, dpi=150)
-    screen.print(f"Picture: {out}", soft_wrap=True)
 
 
 def _percent(share: float) -> str:

@@ -22,6 +22,8 @@ from ruptfx.platform.terminal import console
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ruptfx.results.outputs import Outputs
+
 screen = console()
 errors = console(stderr=True)
 
@@ -61,7 +63,13 @@ Overrides = Annotated[
         autocompletion=keys,
     ),
 ]
+Overwrite = Annotated[
+    bool,
+    typer.Option("--overwrite", help="Also replace files that ruptfx did not write there, or that were changed since."),
+]
 EXIT_ERROR = RuptfxError.exit_code
+PICTURES = ("png", "pdf", "svg", "eps", "jpg", "jpeg", "tif", "tiff", "webp")
+"""Formats of single pictures, by the ending of the file."""
 
 
 def begin(phase: str, show: bool = True) -> None:
@@ -102,7 +110,14 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
         if comm is not None and comm.size > 1:
             _end_all(comm)
         raise typer.Exit(EXIT_ERROR) from None
-    except Exception:
+    except Exception as error:
+        from ruptfx.results.outputs import unwritable
+
+        if isinstance(error, OSError) and (known := unwritable(Path(str(error.filename or "a file")), error)):
+            _print_error("error", known)
+            if comm is not None and comm.size > 1:
+                _end_all(comm)
+            raise typer.Exit(EXIT_ERROR) from None
         if comm is None or comm.size == 1:
             raise
         sys.stderr.write(traceback.format_exc())
@@ -110,6 +125,32 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
     finally:
         if token is not None:
             plugins.telling.reset(token)
+
+
+def writing(folder: Path, inputs: Iterable[Path] = (), overwrite: bool = False) -> Outputs:
+    """Return the files that a command writes into a folder; those that it replaces are named on standard error."""
+    from ruptfx.results.outputs import Outputs
+
+    def tell(names: list[str]) -> None:
+        shown = ", ".join(names) if len(names) < 6 else f"{', '.join(names[:3])} ... {names[-1]} ({len(names)} files)"
+        errors.print(f"replacing in {folder}: {shown}", soft_wrap=True)
+
+    return Outputs(folder, inputs, overwrite, tell)
+
+
+def picture(path: Path) -> Path:
+    """Return the path of a picture, with .png where it has no ending.
+
+    Raises
+    ------
+    RuptfxError
+        Its ending is no format of pictures.
+    """
+    if not path.suffix:
+        return path.with_name(f"{path.name}.png")
+    if path.suffix[1:].lower() not in PICTURES:
+        raise RuptfxError(f"--out {path}: '{path.suffix}' is no format of pictures; known: .{', .'.join(PICTURES)}")
+    return path
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.app.commands._shared import EXIT_ERROR, completed_from, reported
+from ruptfx.app.commands._shared import EXIT_ERROR, Overwrite, completed_from, reported
 
 HEADING = "Verify and extend"
 
@@ -38,6 +38,7 @@ def bench(
             "from which ruptfx runs.",
         ),
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Run verification and speed benchmarks; list failed checks at the end and exit non-zero if there are any.
 
@@ -48,5 +49,5 @@ def bench(
     with reported():
         from ruptfx.app.bench import run_benchmark
 
-        if not run_benchmark(name, as_json=as_json, fine=fine, out=out, jobs=jobs, folder=folder):
+        if not run_benchmark(name, as_json=as_json, fine=fine, out=out, jobs=jobs, folder=folder, overwrite=overwrite):
             raise typer.Exit(EXIT_ERROR)

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from ruptfx.app.commands._shared import EXIT_ERROR, reported, screen
+from ruptfx.app.commands._shared import EXIT_ERROR, Overwrite, reported, screen, writing
 
 HEADING = "Verify and extend"
 
@@ -20,6 +20,7 @@ def check_law(
     set_: Annotated[list[str] | None, typer.Option(
         "--set", metavar="<key=value>", help="Value of a parameter, e.g. mu_s=0.6; repeatable.")] = None,
     out: Annotated[Path, typer.Option(help="Folder of the pictures.")] = Path("."),
+    overwrite: Overwrite = False,
 ) -> None:
     """Check that a law or material satisfies its contract, and draw it; exit non-zero if a check fails.
 
@@ -41,8 +42,8 @@ def check_law(
             numbers = report.law.model_dump(mode="json", exclude_none=True, exclude={"kind"})
             said = ", ".join(f"{key} = {in_toml(value)}" for key, value in numbers.items())
             screen.print(f"Drawn with {said}", markup=False, highlight=False, soft_wrap=True)
-            out.mkdir(parents=True, exist_ok=True)
-            save_figure(report.law, out / f"{kind}.png")
+            with writing(out, overwrite=overwrite) as files:
+                save_figure(report.law, files.claim(f"{kind}.png"))
             screen.print(f"Picture: {out / f'{kind}.png'}", soft_wrap=True)
         if not sound:
             raise typer.Exit(EXIT_ERROR)

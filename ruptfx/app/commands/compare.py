@@ -9,7 +9,17 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import begin, reported, runs, runs_and_files, screen, seconds
+from ruptfx.app.commands._shared import (
+    Overwrite,
+    begin,
+    picture,
+    reported,
+    runs,
+    runs_and_files,
+    screen,
+    seconds,
+    writing,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,6 +57,7 @@ def compare(
         typer.Option(metavar="<time>", help="Time of the run minus that of the measured signals, as '-1234.5 s'."),
     ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Also numbers that agree.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Compare a run with another one, or with measured signals: differences, numbers, and one figure.
 
@@ -58,37 +69,44 @@ def compare(
     """
     begin(f"reading {first} and {second}")
     with reported():
-        if second.is_file():
-            from ruptfx.app.commands._measured import show
-
-            most = seconds("--most-shift", most_shift)
-            if most is not None and not most > 0:
-                raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
-            show(first, second, instrument, channel, most, seconds("--time-shift", time_shift) or 0.0, out)
-            return
-        if instrument or channel or most_shift or time_shift:
+        path, is_measured = picture(out), second.is_file()
+        most = seconds("--most-shift", most_shift)
+        if most is not None and not most > 0:
+            raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
+        if not is_measured and (instrument or channel or most_shift or time_shift):
             raise RuptfxError(
                 f"{second}: no file; --instrument, --channel, --most-shift and --time-shift are for measured signals"
             )
-        from ruptfx.platform.progress import working
-        from ruptfx.results.record import Record
+        with writing(path.parent, [second] * is_measured, overwrite) as files:
+            if is_measured:
+                from ruptfx.app.commands._measured import show
 
-        with Record(first) as one, Record(second) as other:
-            changed = differences(one.case, other.case)
-            screen.print("The cases differ in" if changed else "The cases are the same.", style="bold")
-            table = Table("", str(first), str(second), "difference", box=None, pad_edge=False)
-            for key, (a, b) in changed.items():
-                table.add_row(key, _shown(a), _shown(b), _change(a, b))
-            if changed:
-                screen.print(table)
-            _show_results(one, other, verbose)
-            surfaces = _are_surfaces(one, other)
-            if surfaces:
-                _show_rupture_times(one, other)
-            out.parent.mkdir(parents=True, exist_ok=True)
-            with working("drawing the figure"):
-                (overlay_surfaces if surfaces else overlay)(one, other).savefig(out, dpi=150)
-            screen.print(f"Picture: {out}", soft_wrap=True)
+                shift = seconds("--time-shift", time_shift) or 0.0
+                show(first, second, instrument, channel, most, shift, files.claim(path.name))
+            else:
+                _compare_runs(first, second, files.claim(path.name), verbose)
+        screen.print(f"Picture: {path}", soft_wrap=True)
+
+
+def _compare_runs(first: Path, second: Path, out: Path, verbose: bool) -> None:
+    """Print what differs in the cases and results of two runs, and save a figure of both."""
+    from ruptfx.platform.progress import working
+    from ruptfx.results.record import Record
+
+    with Record(first) as one, Record(second) as other:
+        changed = differences(one.case, other.case)
+        screen.print("The cases differ in" if changed else "The cases are the same.", style="bold")
+        table = Table("", str(first), str(second), "difference", box=None, pad_edge=False)
+        for key, (a, b) in changed.items():
+            table.add_row(key, _shown(a), _shown(b), _change(a, b))
+        if changed:
+            screen.print(table)
+        _show_results(one, other, verbose)
+        surfaces = _are_surfaces(one, other)
+        if surfaces:
+            _show_rupture_times(one, other)
+        with working("drawing the figure"):
+            (overlay_surfaces if surfaces else overlay)(one, other).savefig(out, dpi=150)
 
 
 def _show_results(one: Record, other: Record, verbose: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import reported, screen
+from ruptfx.app.commands._shared import reported, screen, writing
 
 HEADING = "Begin"
 
@@ -37,9 +37,10 @@ def convert(
             if path.exists():
                 raise RuptfxError(f"{path}: exists already; choose another --out, or remove it")
         parse_case(tomllib.loads(found.text))
-        case.write_text(found.text, encoding="utf-8")
-        if found.mesh:
-            mesh.write_text(found.mesh, encoding="utf-8")
+        with writing(case.parent, [file]) as files:
+            (files.place / case.name).write_text(found.text, encoding="utf-8")
+            if found.mesh:
+                (files.place / mesh.name).write_text(found.mesh, encoding="utf-8")
         for note in found.notes:
             screen.print(note, markup=False, highlight=False, soft_wrap=True)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 import ruptfx
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import reported, screen
+from ruptfx.app.commands._shared import reported, screen, writing
 from ruptfx.app.commands.new import SCHEMA_LINE, write_schema
 
 HEADING = "Begin"
@@ -29,18 +30,20 @@ def demos(
     import shutil
 
     with reported():
-        if out.exists():
+        if os.path.lexists(out):
             raise RuptfxError(f"{out}: exists already; give another directory: ruptfx demos DIRECTORY")
         if notebooks:
             need_jupytext()
         given = Path(ruptfx.__file__).with_name("demos")
-        shutil.copytree(given, out, ignore=shutil.ignore_patterns("__pycache__", "pictures"))
-        if schema:
-            write_schema(out)
-            for case in sorted(out.glob("*.toml")):
-                case.write_text(SCHEMA_LINE + case.read_text())
-        for script in sorted(out.glob("*.py")) if notebooks else []:
-            write_notebook(script)
+        with writing(out) as files:
+            for file in filter(Path.is_file, given.iterdir()):
+                shutil.copy(file, files.place)
+            if schema:
+                write_schema(files.place)
+                for case in sorted(files.place.glob("*.toml")):
+                    case.write_text(SCHEMA_LINE + case.read_text())
+            for script in sorted(files.place.glob("*.py")) if notebooks else []:
+                write_notebook(script)
         shown = f"jupyter lab {out / 'shear_impact.ipynb'}" if notebooks else f"ruptfx check {out / 'impact.toml'}"
         screen.print(f"{out}: try  {shown}", soft_wrap=True)
 

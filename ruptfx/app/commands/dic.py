@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import reported, screen
+from ruptfx.app.commands._shared import Overwrite, reported, screen, writing
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +30,7 @@ def dic(
         float, typer.Option(min=-1.0, max=1.0, help="Correlation below which a subset is lost and left blank.")
     ] = 0.7,
     out: Annotated[Path, typer.Option(help="Name without ending; .png and .nc are written.")] = Path("dic"),
+    overwrite: Overwrite = False,
 ) -> None:
     """Compute displacements and strains from two pictures by digital image correlation; needs the extra dic.
 
@@ -40,9 +41,13 @@ def dic(
         import xarray
 
         from ruptfx.results.analysis.image_correlation import correlation, displacements, spread, strains
+        from ruptfx.results.hdf5 import write_netcdf
 
+        name = out.stem if out.suffix in (".png", ".nc") else out.name
         size, unit = (1.0, "pixel") if pixel is None else (_metres(pixel), "m")
         pictures = _grey(before), _grey(after)
+        with writing(out.parent, (before, after), overwrite) as files:
+            files.claim(f"{name}.nc", f"{name}.png")
         moved = displacements(*pictures, subset)
         quality = correlation(*pictures, *moved, subset)
         lost = ~(quality >= least)
@@ -71,14 +76,9 @@ def dic(
             {name: (name, size * np.arange(n), {"units": unit}) for name, n in (("y", rows), ("x", columns))},
             {"subset": subset, "window": window or subset, "least": least, "before": str(before), "after": str(after)},
         )
-        try:
-            out.parent.mkdir(parents=True, exist_ok=True)
-            data.to_netcdf(out.with_suffix(".nc"), engine="h5netcdf")
-            _draw(data, out.with_suffix(".png"))
-        except OSError as error:
-            raise RuptfxError(
-                f"{out}: cannot be written ({error}); free space there, or choose another --out"
-            ) from None
+        with writing(out.parent, (before, after), overwrite) as files:
+            write_netcdf(data, files.claim(f"{name}.nc"))
+            _draw(data, files.claim(f"{name}.png"))
         half = subset // 2
         inside = lost[half : rows - half, half : columns - half]
         screen.print(f"lost subsets: {100 * inside.mean():.2g} %, of those that the first picture has whole")
@@ -88,7 +88,7 @@ def dic(
                 continue
             low, middle, high = np.nanquantile(data[name], [0.01, 0.5, 0.99])
             screen.print(f"{name}: {middle:.3g}, from {low:.3g} to {high:.3g}", soft_wrap=True)
-        screen.print(f"{out.with_suffix('.png')}, {out.with_suffix('.nc')}", soft_wrap=True)
+        screen.print(f"{out.parent / name}.png, {out.parent / name}.nc", soft_wrap=True)
 
 
 def _metres(text: str) -> float:

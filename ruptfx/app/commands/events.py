@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import begin, reported, screen
+from ruptfx.app.commands._shared import Overwrite, begin, picture, reported, screen, writing
 
 if TYPE_CHECKING:
     from ruptfx.results.analysis.emission import Estimates
@@ -39,6 +40,7 @@ def events(
         "--csv", help="Also write all events of a run to events.csv in its directory.")] = False,
     out: Annotated[Path | None, typer.Option(
         help="Picture; default: events.png, for a run RUN/figures/emission.png.", show_default=False)] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Estimate b-value, fractal dimension and Omori exponent of acoustic emission with errors, and draw a figure.
 
@@ -46,14 +48,25 @@ def events(
     """
     begin(f"reading {source}")
     with reported():
-        if source.is_dir():
-            _of_run(source, smallest, completeness, distances, failure_time, link, table, out)
-            return
         if not source.exists():
             raise RuptfxError(f"{source}: no such file or directory; give that of a run, or a table of events")
-        if table:
+        of_run = source.is_dir()
+        if table and not of_run:
             raise RuptfxError(f"--csv: {source} is a table already; the option is for the directory of a run")
-        _of_catalogue(source, smallest, completeness, distances, failure_time, link, out or Path("events.png"))
+        path = picture(out or (source / "figures" / "emission.png" if of_run else Path("events.png")))
+        with ExitStack() as stack:
+            target, to = stack.enter_context(writing(path.parent, [source], overwrite)).claim(path.name), None
+            if table:
+                to = stack.enter_context(writing(source, (), overwrite)).claim("events.csv")
+            if of_run:
+                _of_run(source, smallest, completeness, distances, failure_time, link, to, target)
+            else:
+                _of_catalogue(source, smallest, completeness, distances, failure_time, link, target)
+            drawn = target.exists()
+        for each in [source / "events.csv"] * table:
+            screen.print(f"Table: {each}", soft_wrap=True)
+        if drawn:
+            screen.print(f"Picture: {path}", soft_wrap=True)
 
 
 def _of_catalogue(
@@ -71,14 +84,12 @@ def _of_catalogue(
     screen.print(f"{len(found)} {'clusters of events' if link else 'events'} that radiate energy")
     _show({"": estimates})
     if len(found):
-        out.parent.mkdir(parents=True, exist_ok=True)
         catalogue_statistics(found, estimates.b, estimates.D, estimates.p, failure_time).savefig(out, dpi=150)
-        screen.print(f"Picture: {out}", soft_wrap=True)
 
 
 def _of_run(
     run: Path, smallest: float | None, completeness: float | None, distances: tuple[float, float] | None,
-    failure_time: float | None, link: tuple[float, float] | None, table: bool, out: Path | None,
+    failure_time: float | None, link: tuple[float, float] | None, table: Path | None, out: Path,
 ) -> None:  # fmt: skip
     from ruptfx.results.analysis.compression import SMALLEST, emission_of
     from ruptfx.results.analysis.emission import Estimates
@@ -99,14 +110,9 @@ def _of_run(
             windows = ", ".join(f"{share:.1%} until {part:.0%}" for part, share in found.tensile_shares.items())
             screen.print(f"Tensile share by window: {windows} of the time of failure")
         _show({"events": found.of_events, "clusters": Estimates(found.of_clusters, None, None)})
-        if table:
-            path = run / "events.csv"
-            record.events.to_dataframe().to_csv(path, index_label="event")
-            screen.print(f"Table: {path}", soft_wrap=True)
-        path = out or run / "figures" / "emission.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save(emission(record, found=found).figure, path, path.suffix[1:] or "png")
-        screen.print(f"Picture: {path}", soft_wrap=True)
+        if table is not None:
+            record.events.to_dataframe().to_csv(table, index_label="event")
+        save(emission(record, found=found).figure, out, out.suffix[1:])
 
 
 def _show(estimates: dict[str, Estimates]) -> None:

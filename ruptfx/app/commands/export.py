@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ruptfx.app.commands._shared import begin, reported, runs, screen
+from ruptfx.app.commands._shared import Overwrite, begin, reported, runs, screen, writing
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,6 +34,7 @@ def export(
     run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
     format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk, vtkhdf or scec.")] = Format.csv,
     out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a run for other programs.
 
@@ -49,14 +50,14 @@ def export(
         from ruptfx.results.record import Record
 
         folder = out or run / "export"
-        with Record(run) as record:
-            folder.mkdir(parents=True, exist_ok=True)
+        with Record(run) as record, writing(folder, overwrite=overwrite) as files:
             write = {
                 Format.csv: tables, Format.netcdf: datasets, Format.vtk: vtk_files.series,
                 Format.vtkhdf: vtk_files.whole, Format.scec: scec_files.files,
             }  # fmt: skip
-            for path in write[format_](record, folder):
-                screen.print(str(path), soft_wrap=True)
+            names = [files.claim(path.name).name for path in write[format_](record, files.place)]
+        for name in names:
+            screen.print(str(folder / name), soft_wrap=True)
 
 
 def tables(record: Record, folder: Path) -> Iterator[Path]:
@@ -90,9 +91,11 @@ def _save(path: Path, header: str, rows: np.ndarray) -> Path:
 
 def datasets(record: Record, folder: Path) -> Iterator[Path]:
     """Write one NetCDF file per interface and one for the bodies; yield the paths."""
+    from ruptfx.results.hdf5 import write_netcdf
+
     for name, data in record.interfaces.items():
-        data.to_netcdf(folder / f"{name}.nc", engine="h5netcdf", invalid_netcdf=False)
+        write_netcdf(data, folder / f"{name}.nc")
         yield folder / f"{name}.nc"
     if (record.path / "bulk.h5").exists():
-        record.bulk.to_netcdf(folder / "bulk.nc", engine="h5netcdf", invalid_netcdf=False)
+        write_netcdf(record.bulk, folder / "bulk.nc")
         yield folder / "bulk.nc"

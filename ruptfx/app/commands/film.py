@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import begin, first_given, reported, runs, screen
+from ruptfx.app.commands._shared import Overwrite, begin, first_given, reported, runs, screen, writing
 
 if TYPE_CHECKING:
     import xarray
@@ -40,6 +40,7 @@ def film(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the film; default RUN/films/NAME.")] = None,
     rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Frames per second of film.gif.")] = 5.0,
+    overwrite: Overwrite = False,
 ) -> None:
     """Make the film of a camera from the snapshots of a run: pictures, film.gif, and film.nc for xarray.
 
@@ -51,17 +52,15 @@ def film(
         from ruptfx.results.cameras import camera_from, camera_of
         from ruptfx.results.record import Record
 
-        with Record(run) as record, working("making the film"):
+        with Record(run) as record:
             chosen = camera_from(_table(camera)) if camera and "{" in camera else camera_of(record, camera)
-            frames = chosen.film(record)
-        folder = out or run / "films" / chosen.name
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            _write(frames, chosen, folder, rate)
-        except OSError as error:
-            raise RuptfxError(
-                f"{folder}: cannot be written ({error}); free space there, or choose another --out"
-            ) from None
+            folder = out or run / "films" / chosen.name
+            with writing(folder, overwrite=overwrite) as files:
+                files.claim("frame_0000.png", "film.nc", "film.gif")
+                files.remove("frame_[0-9][0-9][0-9][0-9].png")  # of an earlier film with more frames
+                with working("making the film"):
+                    frames = chosen.film(record)
+                    _write(frames, chosen, files.place, rate)
         screen.print(f"{folder}: {frames.sizes['time']} frames, film.gif and film.nc", soft_wrap=True)
 
 
@@ -87,10 +86,10 @@ def _write(frames: xarray.DataArray, camera: Camera, folder: Path, rate: float) 
     import numpy as np
     from PIL import Image
 
-    for old in folder.glob("frame_[0-9][0-9][0-9][0-9].png"):
-        old.unlink()  # of an earlier film with more frames
+    from ruptfx.results.hdf5 import write_netcdf
+
     frames.attrs["camera"] = camera.model_dump_json()
-    frames.to_netcdf(folder / "film.nc", engine="h5netcdf")
+    write_netcdf(frames.to_dataset(), folder / "film.nc")
     pictures = [
         Image.fromarray(np.round(255 * np.nan_to_num(frame)).clip(0, 255).astype(np.uint8)[::-1])
         for frame in frames.values

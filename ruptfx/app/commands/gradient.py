@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from ruptfx.app.commands._gradients import Memory, Quiet, Ranks, case_on_ranks
-from ruptfx.app.commands._shared import CaseFile, Overrides, errors, reported, screen
+from ruptfx.app.commands._shared import CaseFile, Overrides, Overwrite, errors, reported, screen, writing
 
 if TYPE_CHECKING:
     import xarray
@@ -31,6 +31,7 @@ def gradient(
         str | None, typer.Option(help="Address of a dask scheduler for these runs; default is this machine.")
     ] = None,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Differentiate the objective of a case by its unknowns: one run forward and one sweep backward.
 
@@ -41,6 +42,7 @@ def gradient(
     out = out or Path("gradients") / case.stem
     flags = ["--check"] * check + (["--cores", str(cores)] if cores > 1 else [])
     flags += ["--scheduler", scheduler] if scheduler else []
+    flags += ["--overwrite"] * overwrite
     parsed = case_on_ranks("gradient", case, ranks, out, set_ or [], memory, quiet, flags)
     with reported():
         from ruptfx.platform import fem
@@ -51,17 +53,23 @@ def gradient(
         from ruptfx.many_runs.adjoint.gradients import gradient as differentiate
         from ruptfx.platform import parallel
 
+        def claim() -> None:
+            with writing(out, [case], overwrite) as files:
+                files.claim("case.toml", "gradient.nc", "gradient.png")
+
+        parallel.on_root(comm, claim)  # before the runs
         found = differentiate(parsed, comm=comm, progress=not quiet, memory=1e9 * memory, check=check,
                               cores=cores, scheduler=scheduler)  # fmt: skip
 
         def write() -> None:
             from ruptfx.many_runs.adjoint.figure import draw
             from ruptfx.results.figure_style import save
+            from ruptfx.results.hdf5 import write_netcdf
 
-            out.mkdir(parents=True, exist_ok=True)
-            parsed.save(out)
-            found.to_netcdf(out / "gradient.nc", engine="h5netcdf")
-            save(draw(found), out / "gradient.png", "png")
+            with writing(out, [case], overwrite) as files:
+                parsed.save(files.place)
+                write_netcdf(found, files.place / "gradient.nc")
+                save(draw(found), files.place / "gradient.png", "png")
             if check:
                 _warn(found)
             if quiet:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import CaseFile, Overrides, begin, reported, screen
+from ruptfx.app.commands._shared import CaseFile, Overrides, Overwrite, begin, picture, reported, screen, writing
 
 HEADING = "Compute"
 
@@ -18,6 +18,7 @@ def mesh(
     set_: Overrides = None,
     out: Annotated[Path | None, typer.Option(help="Picture; default NAME_mesh.png.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of a run directory.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Draw bodies, edges and interfaces of a case: names, elements, origin, normal, tangent and patches.
 
@@ -31,18 +32,18 @@ def mesh(
     with reported():
         from ruptfx.case import Case, read_case
 
+        path = picture(out or Path(f"{case.stem}_mesh.png"))
         _require_trust(case, trust)
         parsed = read_case(case, set_ or [])
         if not isinstance(parsed, Case):
             raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no mesh; give a case with bodies")
         from ruptfx.platform.progress import working
 
-        path = out or Path(f"{case.stem}_mesh.png")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with working("meshing and drawing"):
+        with writing(path.parent, [case], overwrite) as files, working("meshing and drawing"):
+            target = files.claim(path.name)
             from ruptfx.app.drawing.mesh_drawing import draw
 
-            draw(parsed).savefig(path, dpi=150)
+            draw(parsed).savefig(target, dpi=150)
         screen.print(f"Picture: {path}", soft_wrap=True)
 
 

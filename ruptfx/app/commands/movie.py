@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.app.commands._shared import begin, completed_from, reported, runs, screen
+from ruptfx.app.commands._shared import Overwrite, begin, completed_from, reported, runs, screen, writing
 from ruptfx.input.schema import directory_of
 
 HEADING = "Post-process"
@@ -36,6 +36,7 @@ def movie(
     out: Annotated[Path | None, typer.Option(help="File; default RUN/figures/WHAT.gif.")] = None,
     rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Frames per second.")] = 12.0,
     frames: Annotated[int, typer.Option(min=2, help="Largest number of frames.")] = 200,
+    overwrite: Overwrite = False,
 ) -> None:
     """Show a run as a movie: a field of the bodies with the slip rate below it; needs no DOLFINx.
 
@@ -48,6 +49,6 @@ def movie(
         from ruptfx.results.record import Record
 
         path = out or run / "figures" / f"{what}.{format_}"
-        with Record(run) as record, Progress() as bar:
-            count = movies.save(record, what, path, rate, frames, bar.update)
+        with Record(run) as record, writing(path.parent, overwrite=overwrite) as files, Progress() as bar:
+            count = movies.save(record, what, files.claim(path.name), rate, frames, bar.update)
         screen.print(f"{path}, {count} frames", soft_wrap=True)

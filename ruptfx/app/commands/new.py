@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -12,7 +13,7 @@ import typer
 
 import ruptfx
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import completed_from, reported, screen
+from ruptfx.app.commands._shared import completed_from, reported, screen, writing
 
 HEADING = "Begin"
 
@@ -70,19 +71,20 @@ def new(
         source = DEMOS / f"{from_}.toml"
         case = name if name.suffix == ".toml" else Path(f"{name}.toml")
         files = [DEMOS / file for file in re.findall(r'^file = "([^"]+)"', source.read_text(), re.MULTILINE)]
-        taken = [path for path in (case, *(case.parent / file.name for file in files)) if path.exists()]
+        taken = [path for path in (case, *(case.parent / file.name for file in files)) if os.path.lexists(path)]
         if taken:
             raise RuptfxError(f"{taken[0]}: exists already; choose another name, or remove it")
         text = source.read_text().replace(f"demos/{from_}.toml", str(case))
         if materials is not None:
             text = with_materials(text, materials.replace(",", " ").split(), from_)
-        case.parent.mkdir(parents=True, exist_ok=True)
-        if schema:
-            text = SCHEMA_LINE + text
-            write_schema(case.parent)
-        case.write_text(text)
-        for file in files:
-            shutil.copy(file, case.parent)
+        with writing(case.parent) as written:
+            if schema:
+                text = SCHEMA_LINE + text
+                written.claim(SCHEMA)
+                write_schema(written.place)
+            (written.place / case.name).write_text(text, encoding="utf-8")
+            for file in files:
+                shutil.copy(file, written.place)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)
 
 

@@ -8,7 +8,17 @@ from typing import Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import begin, completed_from, errors, reported, runs, screen, seconds
+from ruptfx.app.commands._shared import (
+    Overwrite,
+    begin,
+    completed_from,
+    errors,
+    reported,
+    runs,
+    screen,
+    seconds,
+    writing,
+)  # fmt: skip
 from ruptfx.input.quantities import with_prefix
 
 HEADING = "Post-process"
@@ -35,6 +45,7 @@ def plot(
     until: Annotated[str | None, typer.Option(
         "--to", metavar="<time>", help="Only times up to this one, as '30 us', or a number in s.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Draw the figures of a run, or the map of a study, again; needs no DOLFINx.
 
@@ -55,13 +66,17 @@ def plot(
         if (run / "study.json").exists():
             from ruptfx.many_runs.study.execute import draw
 
-            for path in draw(run, formats=tuple(format_)):
+            with writing(run, overwrite=overwrite) as files:
+                paths = draw(run, tuple(format_), files.place)
+            for path in paths:
                 _show(path)
             return
         if (run / "result.nc").exists():
             from ruptfx.lumped import redraw
 
-            for path in redraw(run, formats=tuple(format_), trust=trust):
+            with writing(run / "figures", overwrite=overwrite) as files:
+                paths = redraw(run, tuple(format_), trust, files.place)
+            for path in paths:
                 _show(path)
             return
         from ruptfx.input.schema import nearest
@@ -84,10 +99,16 @@ def plot(
                 for word, time in (("from", first), ("to", last)) if time is not None
             )  # fmt: skip
             later: list[Path] = []  # a spinner would mix with the paths
-            with working("drawing the figures"):
+            with writing(run / "figures", overwrite=overwrite) as files, working("drawing the figures"):
+                show = _show if in_lines() else later.append
+
+                def saved(path: Path) -> None:
+                    files.claim(path.name)
+                    show(path)
+
                 plots.save_all(
-                    record, formats=tuple(format_), only=figure or None, suffix=suffix, times=times,
-                    saved=_show if in_lines() else later.append,
+                    record, files.place, formats=tuple(format_), only=figure or None, suffix=suffix, times=times,
+                    saved=saved,
                 )  # fmt: skip
             for path in later:
                 _show(path)
@@ -99,6 +120,8 @@ def plot(
 
 
 def _show(path: Path) -> None:
-    """Print the path of a file."""
-    screen.print(str(path), soft_wrap=True)
+    """Print the path that a file has at the end."""
+    from ruptfx.results.outputs import final
+
+    screen.print(str(final(path)), soft_wrap=True)
     screen.file.flush()

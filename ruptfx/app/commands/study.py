@@ -21,6 +21,8 @@ def study(
     refine: Annotated[bool, typer.Option("--refine", help="Locate mode boundaries, check on a finer mesh.")] = False,
     retry: Annotated[bool, typer.Option("--retry", help="Run failed points again.")] = False,
     set_: Overrides = None,
+    overwrite: Annotated[bool, typer.Option(
+        "--overwrite", help="Replace another study in --out; points that both have are kept.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Run a case over axes of parameters; started again, run only the missing points.
@@ -33,7 +35,8 @@ def study(
 
         out = out or Path("studies") / file.stem
         parsed = read_study(file, set_ or [])
-        found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet)
+        found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet,
+                          overwrite=overwrite)  # fmt: skip
         screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
         if refine:
             screen.print(json.loads((out / "refinement.json").read_text())["summary"])

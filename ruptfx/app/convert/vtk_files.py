@@ -19,6 +19,7 @@ from ruptfx import RuptfxError
 from ruptfx.results.analysis.ground_motion import speeds_of
 from ruptfx.results.analysis.raster import body_of_cells
 from ruptfx.results.analysis.surface import grid, is_surface
+from ruptfx.results.hdf5 import new_hdf5
 
 if TYPE_CHECKING:
     import xarray
@@ -203,7 +204,7 @@ def _write(
     moments: Iterator[tuple[float, Snapshot]],
 ) -> None:  # fmt: skip
     """Write an unstructured grid that does not change, with fields at its points that do."""
-    with h5py.File(path, "w") as file:
+    with new_hdf5(path) as (file, check):
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0])
         name = b"UnstructuredGrid"
@@ -226,6 +227,7 @@ def _write(
                     fields.create_dataset(key, (0, *rows.shape[1:]), rows.dtype, maxshape=most, chunks=chunk)
                 fields[key].resize(len(times) * len(points), axis=0)
                 fields[key][-len(points) :] = rows
+            check()
         _write_steps(root, np.array(times), len(points), list(fields), list(of_cells))
 
 

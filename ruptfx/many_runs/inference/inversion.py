@@ -404,8 +404,9 @@ def infer(
     def finish() -> None:
         from ruptfx.many_runs.inference.figure import draw, draw_tradeoffs
         from ruptfx.results.figure_style import save
+        from ruptfx.results.hdf5 import write_netcdf
 
-        made.dataset().to_netcdf(out / "result.nc", engine="h5netcdf")
+        write_netcdf(made.dataset(), out / "result.nc")
         save(draw(made), out / "inference.png", "png")
         if len(made.samples) > 1:
             save(draw_tradeoffs(made), out / "tradeoffs.png", "png")

@@ -35,14 +35,14 @@ def _varied(shown: Map) -> list[Axis]:
     return [axis for axis in shown.study.axes if not axis.repeats]
 
 
-def save(shown: Map, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Draw the curves into the directory of the study, with a table of medians where there are draws."""
-    figure = draw(shown)
-    paths = [shown.directory / f"curves.{kind}" for kind in formats]
+def save(shown: Map, formats: Sequence[str] = ("png", "pdf"), out: Path | None = None) -> list[Path]:
+    """Draw the curves into the directory of the study or `out`, with a table of medians where there are draws."""
+    figure, out = draw(shown), out or shown.directory
+    paths = [out / f"curves.{kind}" for kind in formats]
     for path in paths:
         figure.savefig(path, dpi=200)
     if len(shown.study.axes) > 1:
-        paths.append(shown.directory / "medians.csv")
+        paths.append(out / "medians.csv")
         write_csv(paths[-1], medians(shown))
     return paths
 

@@ -16,6 +16,7 @@ from ruptfx.many_runs.study.store import Result, Store, commit, workspace
 from ruptfx.platform import launch
 from ruptfx.platform.progress import Progress
 from ruptfx.platform.run_files import write_json
+from ruptfx.results.outputs import Outputs, final
 
 
 @dataclass
@@ -46,6 +47,7 @@ def run_study(
     refined: bool = False,
     retry: bool = False,
     show: bool = True,
+    overwrite: bool = False,
 ) -> Outcome:
     """Run the unfinished points, then write the table, the data set, the map and its page.
 
@@ -65,11 +67,14 @@ def run_study(
         Run failed points again.
     show : bool
         Show the progress.
+    overwrite : bool
+        Replace another study in `out`, except for points that both have, and files of the user with names of products.
 
     Raises
     ------
     RuptfxError
-        DOLFINx is not installed. After other errors finished points are kept, and the same call continues.
+        DOLFINx is not installed, or another study or a file of the user would be replaced. After other errors finished
+        points are kept, and the same call continues.
     """
     points = study.points()  # refuse a bad study before any file is written
     if scheduler is None:
@@ -79,7 +84,8 @@ def run_study(
     if refined and study.search is not None:
         raise RuptfxError("--refine locates boundaries on a grid, and a search has none; leave it out")
     outcome = Outcome()
-    with Store(out, study) as store, stoppable():
+    with Store(out, study, overwrite) as store, stoppable():
+        Outputs(store.path, overwrite=overwrite).claim(*_tables(study, refined))
         if retry:
             store.forget_failures()
         with opened(store.path / "study.json", scheduler, cores, study.ranks) as client:
@@ -98,7 +104,7 @@ def run_study(
                 done = sum(store.result(point.hash) is not None for point in points)
                 kept = f"{done} of {len(points)} points" if study.search is None else f"{store.finished} points"
                 raise Interrupted(f"stopped; {kept} are kept, the same command continues") from None
-        outcome.files = _write(study, store, outcome, refined)
+        outcome.files = _write(study, store, outcome, refined, overwrite)
     return outcome
 
 
@@ -111,20 +117,27 @@ def _refine(study: Study, run: Runner, outcome: Outcome) -> None:
         outcome.fine = {coarse: results[point.hash] for coarse, point in fine.items()}
 
 
-def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> list[Path]:
-    """Write the products, each replaced atomically; return their files."""
+def _tables(study: Study, refined: bool) -> list[str]:
+    """Return the names of the products that every study has, and those of refined studies and of searches."""
+    return ["table.csv", "table.nc"] + ["refinement.json"] * refined + list(search.FILES) * (study.search is not None)
+
+
+def _write(study: Study, store: Store, outcome: Outcome, refined: bool, overwrite: bool) -> list[Path]:
+    """Write the products, tables before the figures that are drawn from them; return their files."""
     rows = table.rows(study, outcome.points, outcome.fine)
-    files = [store.path / "table.csv", store.path / "table.nc"]
-    table.write_csv(files[0], rows)
-    table.write_dataset(files[1], table.dataset(study, rows))
-    if refined:
-        files.append(store.path / "refinement.json")
-        write_json(files[-1], {"summary": refine.summary(study, outcome.points, outcome.fine)})
-    if study.search is not None:
-        files += search.save(study, outcome.sets, store.path)
-    elif _has_map(store.path):
-        files += draw(store.path)
-    return files
+    with Outputs(store.path, overwrite=overwrite) as files:
+        table.write_csv(files.place / "table.csv", rows)
+        table.write_dataset(files.place / "table.nc", table.dataset(study, rows))
+        if refined:
+            summary = refine.summary(study, outcome.points, outcome.fine)
+            write_json(files.place / "refinement.json", {"summary": summary})
+        if study.search is not None:
+            search.save(study, outcome.sets, store.path, files.place)
+    paths = [store.path / name for name in _tables(study, refined)]
+    if study.search is None and _has_map(store.path):
+        with Outputs(store.path, overwrite=overwrite) as files:
+            paths += map(final, draw(store.path, out=files.place))
+    return paths
 
 
 def _has_map(directory: Path) -> bool:
@@ -134,13 +147,13 @@ def _has_map(directory: Path) -> bool:
     return mode_map.suits(mode_map.read_map(directory))
 
 
-def draw(directory: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Draw the map of a finished study and, if it has one axis, its curves; return the files."""
+def draw(directory: Path, formats: Sequence[str] = ("png", "pdf"), out: Path | None = None) -> list[Path]:
+    """Draw the map of a finished study and, if it has one axis, its curves into `out`; return the files."""
     from ruptfx.many_runs.study import curves, mode_map
 
-    paths = mode_map.save(directory, formats)
+    paths = mode_map.save(directory, formats, out)
     shown = mode_map.read_map(directory)
-    return paths + (curves.save(shown, formats) if curves.suits(shown) else [])
+    return paths + (curves.save(shown, formats, out) if curves.suits(shown) else [])
 
 
 @dataclass

@@ -170,8 +170,10 @@ def suits(shown: Map) -> bool:
     return any(axis.numeric for axis in shown.study.axes) and bool(shown.panels)
 
 
-def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Draw the map of a study directory as figure and page; return the files.
+def save(
+    directory: str | Path, formats: Sequence[str] = ("png", "pdf"), out: str | Path | None = None
+) -> list[Path]:
+    """Draw the map of a study directory as figure and page, there or into `out`; return the files.
 
     Raises
     ------
@@ -183,10 +185,11 @@ def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list
     if not shown.panels:
         raise RuptfxError(f"{directory}: the table has neither modes nor numbers to draw; name numbers in quantities")
     figure = draw(shown)
-    paths = [directory / f"mode_map.{kind}" for kind in formats]
+    out = directory if out is None else Path(out)
+    paths = [out / f"mode_map.{kind}" for kind in formats]
     for path in paths:
         figure.savefig(path, dpi=200)
-    whole = directory / "mode_map.html"
+    whole = out / "mode_map.html"
     whole.write_text(page(shown), encoding="utf-8")
     return [*paths, whole]
 

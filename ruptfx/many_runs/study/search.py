@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from ruptfx.many_runs.study.count import Count
 
+FILES = ("scores.csv", "best.toml", "search.png", "search.pdf")
 BEST, APART = 4, 0.1  # number of sets in best.toml, and their smallest RMS distance in parts of the ranges
 
 
@@ -128,15 +129,14 @@ def _distance(axes: Sequence[Axis], one: ScoredSet, other: ScoredSet) -> float:
     return math.sqrt(sum(part**2 for part in parts) / len(parts))
 
 
-def save(study: Study, sets: Sequence[ScoredSet], directory: Path) -> list[Path]:
-    """Write ``scores.csv``, ``best.toml`` and the figure ``search``; return the files."""
-    scores, best, *pictures = [directory / name for name in ("scores.csv", "best.toml", "search.png", "search.pdf")]
+def save(study: Study, sets: Sequence[ScoredSet], directory: Path, out: Path) -> None:
+    """Write ``scores.csv``, ``best.toml``, whose paths are relative to `directory`, and the figure ``search``."""
+    scores, best, *pictures = [out / name for name in FILES]
     write_csv(scores, [_row(one) for one in sets])
     best.write_text(_study_of_best(study, sets, directory), encoding="utf-8")
     figure = draw(study, sets)
     for path in pictures:
         figure.savefig(path, dpi=200)
-    return [scores, best, *pictures]
 
 
 def _row(one: ScoredSet) -> Row:

@@ -30,6 +30,8 @@ class Store:
     ----------
     path : path
     study : Study
+    overwrite : bool
+        Replace another study; points that both have are kept.
 
     Raises
     ------
@@ -37,8 +39,8 @@ class Store:
         If another process uses the directory, or it contains another study or other files.
     """
 
-    def __init__(self, path: str | Path, study: Study) -> None:
-        self.path, self._study = Path(path).absolute(), study
+    def __init__(self, path: str | Path, study: Study, overwrite: bool = False) -> None:
+        self.path, self._study, self._overwrite = Path(path).absolute(), study, overwrite
         self.points = self.path / "points"
 
     def __enter__(self) -> Self:
@@ -65,15 +67,20 @@ class Store:
         mine = self._study.identity()
         if marker.is_file():
             theirs = json.loads(marker.read_text())["identity"]
-            if theirs["axes"] != mine["axes"]:
+            remedy = "choose another --out, or replace it with --overwrite (in Python overwrite=True)"
+            if theirs != mine and self._overwrite:
+                kept = {point.hash for point in self._study.points()}
+                for path in self.points.iterdir():
+                    if path.name not in kept:
+                        shutil.rmtree(path)
+            elif theirs["axes"] != mine["axes"]:
                 raise RuptfxError(
                     f"{self.path}: holds another study, with axes {', '.join(theirs['axes'])} "
-                    f"instead of {', '.join(mine['axes'])}; choose another --out"
+                    f"instead of {', '.join(mine['axes'])}; {remedy}"
                 )
-            if theirs != mine:
+            elif theirs != mine:
                 raise RuptfxError(
-                    f"{self.path}: holds another study: the case differs in keys that are no axes; "
-                    "choose another --out"
+                    f"{self.path}: holds another study: the case differs in keys that are no axes; {remedy}"
                 )
         write_json(marker, {"identity": mine, "study": self._study.model_dump(mode="json", exclude_none=True)})
 

@@ -39,12 +39,10 @@ def rows(study: Study, known: Sequence[tuple[Point, Result]], fine: Mapping[str,
 
 def write_csv(path: Path, table: Sequence[Row]) -> None:
     """Write the table; empty cells are quantities that do not exist."""
-    temporary = path.with_name(f".{path.name}")
-    with temporary.open("w", newline="") as file:
+    with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(table[0]) if table else ["point"])
         writer.writeheader()
         writer.writerows({k: repr(v) if isinstance(v, float) else v for k, v in row.items()} for row in table)
-    temporary.replace(path)
 
 
 def read_csv(path: str | Path) -> list[Row]:
@@ -87,10 +85,10 @@ def unit_of(name: str) -> str:
 
 
 def write_dataset(path: Path, data: xarray.Dataset) -> None:
-    """Write a data set as NetCDF, atomically."""
-    temporary = path.with_name(f".{path.name}")
-    data.to_netcdf(temporary, engine="h5netcdf")
-    temporary.replace(path)
+    """Write a data set as NetCDF."""
+    from ruptfx.results.hdf5 import write_netcdf
+
+    write_netcdf(data, path)
 
 
 def _attributes(label: str, unit: str) -> dict[str, str]:

@@ -25,6 +25,7 @@ from ruptfx.input.schema import nearest, own_kinds, own_module
 from ruptfx.results.analysis import slides_far
 from ruptfx.results.analysis.raster import Raster
 from ruptfx.results.figure_style import STYLE, Array, new_figure, remark, scale
+from ruptfx.results.outputs import final, unwritable
 from ruptfx.results.plots._record import along, has_slip_rates
 from ruptfx.results.record import Record
 
@@ -294,7 +295,7 @@ def save(
     """
     kind = path.suffix.lstrip(".").lower()
     if kind not in FORMATS:
-        raise RuptfxError(f"{path}: '.{kind}' is no format of movies; end the name with .gif or .mp4")
+        raise RuptfxError(f"{final(path)}: '.{kind}' is no format of movies; end the name with .gif or .mp4")
     end = float(record.case.get("duration", 1.0))
 
     def pictures() -> Iterator[Array]:
@@ -306,7 +307,9 @@ def save(
         path.parent.mkdir(parents=True, exist_ok=True)
         return (_gif if kind == "gif" else _mp4)(pictures(), path, rate)
     except OSError as error:
-        raise RuptfxError(f"{path}: cannot be written ({error}); free space there, or choose another place") from None
+        raise unwritable(path, error) or RuptfxError(
+            f"{final(path)}: cannot be written ({error}); free space there, or choose another place"
+        ) from None
 
 
 def _gif(pictures: Iterator[Array], path: Path, rate: float) -> int:
@@ -338,8 +341,8 @@ def _mp4_by_program(pictures: Iterator[Array], path: Path, rate: float) -> int:
 
     if not FFMpegWriter.isAvailable():
         raise RuptfxError(
-            f"{path}: MP4 needs the package imageio-ffmpeg (pip install 'ruptfx[movie]') or the program ffmpeg; or "
-            "write a .gif, which needs neither"
+            f"{final(path)}: MP4 needs the package imageio-ffmpeg (pip install 'ruptfx[movie]') or the program ffmpeg; "
+            "or write a .gif, which needs neither"
         )
     first = next(pictures)
     figure = Figure(figsize=(first.shape[1] / 100, first.shape[0] / 100), dpi=100)

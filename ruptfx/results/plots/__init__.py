@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from ruptfx import RuptfxError
 from ruptfx.input.schema import own_kinds, own_module
 from ruptfx.results.figure_style import save, style
+from ruptfx.results.outputs import final, unwritable
 from ruptfx.results.plots._sheet import Panels, Window, figure_of, pair, remarks
 from ruptfx.results.record import Files, MissingFileError, OutsideError
 
@@ -157,5 +158,6 @@ def save_all(
                 if saved is not None:
                     saved(paths[-1])
     except (OSError, ValueError) as error:
-        raise RuptfxError(f"{target}: figures cannot be saved there: {error}") from None
+        known = unwritable(target, error) if isinstance(error, OSError) else None
+        raise known or RuptfxError(f"{final(target)}: figures cannot be saved there: {error}") from None
     return paths
