@@ -332,7 +332,8 @@ def _run(path: Path, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float
         outcome, seconds = Outcome([Check("ran to its end", 1.0, math.nan, source=said)]), time.perf_counter() - began
     if _is_first():
         saved = {"fine": fine, "seconds": seconds, "checks": _rows(outcome.checks), "rows": outcome.rows or []}
-        with Outputs(out, overwrite=True) as files:  # `run_benchmark` has asked
+        tell = console(stderr=True).print
+        with Outputs(out, (), True, lambda names: tell(f"replacing in {out}: {', '.join(names)}")) as files:
             if figure is not None:
                 figure.savefig(files.place / f"{name}.png", dpi=200)
             (files.place / f"{name}.json").write_text(json.dumps(saved, indent=2) + "\n")
