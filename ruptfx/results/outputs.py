@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Self
 
 from ruptfx import RuptfxError
 from ruptfx.platform import run_files
+from ruptfx.platform.files import checksum
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -169,7 +170,7 @@ class Outputs:
         replaced = [name for name in names if os.path.lexists(self.folder / name)] + sorted(obsolete)
         if replaced:
             self._tell(replaced)
-        sums = {name: run_files.checksum(self.place / name) for name in names}
+        sums = {name: checksum(self.place / name) for name in names}
         with _locked(self.folder):
             # The list is written first: after a kill in between, files of ours count as the user's, not the reverse.
             known = {name: each for name, each in _listed(self.folder).items() if (self.folder / name).is_file()}
@@ -202,7 +203,7 @@ def _listed(folder: Path) -> dict[str, str]:
 
 def _is_unchanged(path: Path, expected: str | None) -> bool:
     """Return whether a file is the one that a command wrote."""
-    return expected is not None and not path.is_symlink() and path.is_file() and run_files.checksum(path) == expected
+    return expected is not None and not path.is_symlink() and path.is_file() and checksum(path) == expected
 
 
 @contextmanager
