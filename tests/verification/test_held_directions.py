@@ -14,6 +14,7 @@ from helpers.messages import facts
 
 from ruptfx import gradient
 from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.mechanisms.sliding import SlidingFaults
 
 pytestmark = pytest.mark.fem
 
@@ -83,6 +84,16 @@ def test_solid_bodies(boundaries: str, friction: str) -> None:
     model, motion, state = march(plates(friction, boundaries, mesh=SOLID, plane="solid", duration=3e-6))
     assert closure(model, motion, state) < 1e-12
     assert jump_beyond_slip(model, state) < 1e-15
+
+
+@pytest.mark.parametrize("boundaries", ["driven", "both sides"])
+def test_sweeps_of_finite_sliding_converge(boundaries: str) -> None:
+    """To 1e-6 of the tractions in every step, within the largest number of sweeps."""
+    model, motion, state = march(plates("stuck", boundaries, LAGRANGE, **{"faults.main.sliding": {}}))
+    assert closure(model, motion, state) < 1e-12
+    assert jump_beyond_slip(model, state) < 1e-10  # 1e-6 of 40 MPa over 1 MPa s/m, in 6 us: 2e-10
+    (sliding,) = (each for each in motion.mechanisms if isinstance(each, SlidingFaults))
+    assert not any(step.unconverged for steps in sliding.steps for step in steps)
 
 
 @pytest.mark.parametrize("friction", ["stuck", "sliding"])

@@ -12,6 +12,7 @@ import numpy as np
 from ruptfx.bodies.state import FaultState
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.fault_step import FaultStep
+from ruptfx.interfaces.faults.held_points import beside_diagonal
 from ruptfx.interfaces.faults.points import Clock
 
 
@@ -50,6 +51,7 @@ class CoupledStep(FaultStep):
         face = self.fault.interface
         both = mobility[face.plus] + (0 if face.one_sided else mobility[face.minus])
         rows: np.ndarray = sum(face.rows[:, :, c] ** 2 * both[:, c, None] for c in range(both.shape[1]))
+        rows = rows + beside_diagonal(np.einsum("ikc,ic,ilc->ikl", face.rows, both, face.rows))
         rows = np.maximum(rows, 1e-8 * rows.max(initial=1e-100))  # as `impedances` where both sides are driven
         z = 1 / (self.clock.kick * rows)
         self._code.put("normal_impedance", z[:, 0])

@@ -41,7 +41,7 @@ from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import LANES, PointCode, filled
 from ruptfx.platform.codegen import native
 
-OBLIQUE = 1e-9  # largest entry of B beside its diagonal, over the largest one, up to which motions are independent
+OBLIQUE = 1e-9  # entries of a row of B beside its diagonal over the largest of B, up to which motions are independent
 SINGULAR = 1e-6  # eigenvalue over the largest one below which a motion is impossible
 
 
@@ -59,12 +59,19 @@ def mobility_blocks(interface: Interface, inverse_mass: np.ndarray) -> np.ndarra
     return blocks
 
 
+def beside_diagonal(blocks: np.ndarray) -> np.ndarray:
+    """Return the sums of the entries of every row beside the diagonal, zero where they are rounding, shape (n, local).
+
+    Added to the diagonal they bound the block, so that sweeps over all components at once converge.
+    """
+    blocks = np.abs(blocks)
+    sums: np.ndarray = np.where(np.eye(blocks.shape[1], dtype=bool), 0.0, blocks).sum(axis=2)
+    return np.where(sums > OBLIQUE * blocks.max(axis=(1, 2), initial=0.0)[:, None], sums, 0.0)
+
+
 def coupled_points(interface: Interface, inverse_mass: np.ndarray) -> np.ndarray:
     """Return the indices of the points with a full B."""
-    blocks = np.abs(mobility_blocks(interface, inverse_mass))
-    largest = blocks.max(axis=(1, 2), initial=0.0)
-    beside = (blocks * ~np.eye(blocks.shape[1], dtype=bool)).max(axis=(1, 2), initial=0.0)
-    return np.flatnonzero(beside > OBLIQUE * largest)
+    return np.flatnonzero(beside_diagonal(mobility_blocks(interface, inverse_mass)).any(axis=1))
 
 
 def coupling_columns(interface: Interface, inverse_mass: np.ndarray, kick: float) -> dict[str, np.ndarray]:

@@ -23,6 +23,7 @@ from ruptfx.input.fields import Array
 from ruptfx.interfaces.faults import cohesive_interface
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.fault_step import FaultStep
+from ruptfx.interfaces.faults.held_points import beside_diagonal
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import LANES
 from ruptfx.interfaces.faults.points import Clock
@@ -235,10 +236,16 @@ class SlidingStep:
         return dissipated
 
     def _refresh(self) -> None:
-        """Update the diagonal of J M^-1 J' after a change of the pairing."""
+        """Update the diagonal of J M^-1 J' after a change of the pairing.
+
+        Where the mass couples both components of a point, the entry beside the diagonal is added: sweeps over all
+        components at once then converge, also where both sides are held along one direction and the block is singular.
+        """
         face, n = self._face, len(self._face.plus)
         own, other = self._inverse_mass[:n], self._inverse_mass[n:]
-        mobility = np.einsum("ikc,ic->ik", face.frame**2, own + face.geometry.coupling.squared() @ other)
+        both = own + face.geometry.coupling.squared() @ other
+        mobility = np.einsum("ikc,ic->ik", face.frame**2, both)
+        mobility += beside_diagonal(np.einsum("ikc,ic,ilc->ikl", face.frame, both, face.frame))
         # Points without a partner carry nothing, whatever their impedance.
         mobility[~face.covered] = np.where(own > 0, own, 1.0)[~face.covered]
         self._mobility[:] = mobility.ravel()
