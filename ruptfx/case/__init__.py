@@ -645,8 +645,10 @@ class Case(CaseFile):
 
     @property
     def driven_edges(self) -> list[str]:
-        """Edges whose motion is prescribed."""
-        return [each.driven_edge for _, each in self.all_boundaries() if each.driven_edge is not None]
+        """Edges that are driven fastest; none if all are at rest."""
+        speed = self.impact_speed
+        moving = (each for _, each in self.all_boundaries() if each.largest_speed == speed > 0)
+        return [each.driven_edge for each in moving if each.driven_edge is not None]
 
 
 def parse_case(table: Table, directory: Path | None = None) -> Case | LumpedModel:

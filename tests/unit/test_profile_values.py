@@ -134,6 +134,13 @@ def test_random_has_the_moments_it_is_given() -> None:
     assert np.abs(field - 5).max() <= 1.5 + 1e-12
 
 
+def test_rounding_of_a_position_changes_no_random_class() -> None:
+    """A node between two cells is in the later one, also where 3 x 0.07 is rounded down."""
+    classes, ends = profile("random_classes", seed=4), np.arange(1, 400) * 0.07
+    np.testing.assert_array_equal(classes(ends * (1 - 1e-12)), classes(ends + 0.01))
+    assert (classes(ends - 0.01) != classes(ends + 0.01)).any()
+
+
 def test_random_classes_have_the_weights() -> None:
     draws = profile("random_classes")(np.arange(4000) * 0.07 + 0.01)
     # Binomial with p = 0.75: standard deviation sqrt(p (1 - p) / 4000) = 0.007.

@@ -46,6 +46,18 @@ def test_records_from_the_first_time_to_the_last(tmp_path):
         np.testing.assert_allclose((record.energy.time - record.interface.time.values)[1:] / step, 0.5, rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("speeds", "end"),
+    [({"upper.left": 2.0}, 0.0), ({"upper.left": 2.0, "lower.right": 0.0}, 0.0), ({"lower.right": 2.0}, 12e-3),
+     ({"upper.left": 0.5, "upper.right": 2.0}, 12e-3), ({"upper.top": 2.0}, 0.0), ({"lower.right": 0.0}, 0.0)],
+)  # fmt: skip
+def test_the_loaded_end_is_next_to_the_edge_that_is_driven_fastest(speeds, end, tmp_path):
+    """An edge that is held loads no end: the interface goes from 0 to 12 mm."""
+    edges = [{"kind": "driven", "edge": edge, "component": "x", "velocity": v} for edge, v in speeds.items()]
+    with simulate(case({"duration": 1e-6, "boundaries": edges}), tmp_path / "run", progress=False) as record:
+        assert record.interface.attrs["loaded_end"] == pytest.approx(end)
+
+
 def test_the_log_is_that_of_the_run_while_it_lasts(tmp_path, caplog):
     """Its messages go to run.log alone; afterwards the logger of the process is as before."""
     log = logging.getLogger("ruptfx.run")

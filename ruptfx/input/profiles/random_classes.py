@@ -9,6 +9,8 @@ from pydantic import Field, model_validator
 
 from ruptfx.input.profiles import PositiveMetre, Profile, Value
 
+SLACK = 1e-9  # of a cell: rounding of positions between two cells, which are in the later one
+
 
 class RandomClasses(Profile):
     """Discrete values drawn with given weights, one draw per cell of length `cell` along the interface."""
@@ -35,7 +37,7 @@ class RandomClasses(Profile):
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         edges = np.cumsum(self.weights) / np.sum(self.weights)
-        cells = np.floor(position / self.cell).astype(np.int64)
+        cells = np.floor(position / self.cell + SLACK).astype(np.int64)
         # One generator per cell, so that its draw does not depend on the other cells of a rank.
         unique, inverse = np.unique(cells, return_inverse=True)
         draws = np.array([np.random.default_rng([self.seed, cell % 2**32]).random() for cell in unique])

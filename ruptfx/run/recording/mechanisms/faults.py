@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
+from ruptfx.bodies.space.edges import Edge
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.interface import FLAT, Interface
 from ruptfx.interfaces.faults.sides import Sides, sides_of
@@ -41,6 +42,7 @@ class FaultRecords(Records):
         self._places: list[dict[str, np.ndarray]] = []
         self._sides: list[Sides] = []
         self._frames: list[np.ndarray | None] = []
+        self._loaded: list[float] = []
         self._files: dict[str, InterfaceFile] = {}
 
     def names(self) -> list[str]:
@@ -53,11 +55,31 @@ class FaultRecords(Records):
             _columns(self.model.comm, fault.interface, sides)
             for fault, sides in zip(self.model.faults, self._sides, strict=True)
         ]
+        self._loaded = [self._loaded_end(place) for place in self._places]
+
+    def _loaded_end(self, place: dict[str, np.ndarray]) -> float:
+        """Return the position of the end of an interface next to the edge that is driven fastest [m]; collective.
+
+        Without one, and where both ends are as near, it is the first position; NaN on other ranks than 0.
+        """
+        model, ends = self.model, None
+        if model.comm.rank == 0:
+            points = np.stack([place[axis] for axis in "xyz" if axis in place], axis=1)
+            ends = points[[0, -1], : model.coordinates.shape[1]]
+        ends = model.comm.bcast(ends, root=0)
+        nodes = [model.coordinates[Edge(model, name, "boundaries").nodes] for name in model.case.driven_edges]
+        apart = [
+            -parallel.largest(model.comm, max((-np.linalg.norm(x - end, axis=1).min(initial=np.inf) for x in nodes),
+                                              default=-np.inf))
+            for end in ends
+        ]  # fmt: skip
+        last = apart[1] < (1 - 1e-9) * apart[0]
+        return float(place["position"][-1 if last else 0]) if model.comm.rank == 0 else np.nan
 
     def open(self, opening: Opening) -> None:
-        rows = zip(self.model.faults, self._places, self._sides, self._frames, self.names(), strict=True)
-        for fault, place, sides, frame, name in rows:
-            attributes = self._attributes(fault, place, sides, frame) | opening.about
+        rows = zip(self.model.faults, self._places, self._sides, self._frames, self._loaded, self.names(), strict=True)
+        for fault, place, sides, frame, loaded, name in rows:
+            attributes = self._attributes(fault, place, sides, frame) | {"loaded_end": loaded} | opening.about
             fields = self._of[fault.name].recorded_fields()
             self._files[fault.name] = InterfaceFile(
                 opening.out / name, fault, place, attributes, opening.kept("interface"), fields
@@ -104,8 +126,6 @@ class FaultRecords(Records):
         self, fault: Fault, place: dict[str, np.ndarray], sides: Sides, frame: np.ndarray | None
     ) -> Table:
         case, line, bodies = self.model.case, fault.interface.line, self.model.bodies
-        # The end of the interface next to a driven edge, or the left end.
-        right = any(edge.endswith(".right") for edge in case.driven_edges)
         about: Table = {}
         if not (body := self.model.materials[bodies.names.index(next(iter(sides.bodies)))]).isotropic:
             about["mach_free_speed"] = np.nan if frame is None else body.mach_free_speed(case.plane, frame)
@@ -117,7 +137,7 @@ class FaultRecords(Records):
             "bodies": list(sides.bodies), "c_p_of_bodies": np.array([c_p for c_p, _ in sides.bodies.values()]),
             "c_s_of_bodies": np.array([c_s for _, c_s in sides.bodies.values()]),
             "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
-            "loaded_end": float(place["position"][-1 if right else 0]), "complete": 0,
+            "complete": 0,
             "nucleation_time": onset, "nucleation_position": center,
             "record": "all fields of a record are those of its time; tractions, slip rate, slip and state satisfy the "
             "laws of contact and friction there",
