@@ -26,9 +26,9 @@ class InitialStress(Part):
 
     A case with the table `[initial_stress]` needs neither: both tractions follow from the stress of the bodies.
     The stress of the bodies does not affect the motion, but snapshots and fringes include it. Tractions do not define
-    all of it: without a tensor the assumption is the uniform stress with the mean tractions of the first interface,
-    without stress along that interface; in 2D a pressure that varies along a flat one is constant across it. Give
-    the tensor if the bodies are also loaded sideways.
+    all of it: without a tensor the assumption is the uniform stress with the mean tractions of the interface with most
+    points, without stress along that interface; in 2D a pressure that varies along a flat one is constant across it.
+    Give the tensor if the bodies are also loaded sideways.
     """
 
     normal: VaryingPressure | None = None

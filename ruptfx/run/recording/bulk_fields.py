@@ -322,8 +322,13 @@ class BulkFields:
             stress -= np.interp(points @ tangent, place, excess)[:, None] * across
         return stress
 
+    @property
+    def _reference(self) -> Fault:
+        """Interface whose tractions the assumed stress carries: the one with most points, then the first by name."""
+        return min(self.model.faults, key=lambda fault: (-fault.interface.total, fault.name))
+
     def _uneven_pressure(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
-        """Return tangent of the first interface, positions, pressure beyond the mean [Pa], and n n' as in the file.
+        """Return tangent of the reference interface, positions, pressure beyond the mean [Pa], and n n' as in the file.
 
         None if the pressure is uniform, the interface not flat, or the stress given; collective.
         """
@@ -331,7 +336,7 @@ class BulkFields:
         flat = model.case.plane in ("stress", "strain")
         if not model.faults or not flat or model.case.initial_tensor is not None or model.case.initial_stress:
             return None
-        fault = model.faults[0]
+        fault = self._reference
         face = fault.interface
         rows = np.column_stack([face.points, fault.normal_stress_0, face.frame[:, 0]])[face.owned]
         rows = parallel.share_rows(model.comm, rows)
@@ -358,7 +363,7 @@ class BulkFields:
             return np.zeros(len(entries)), "none"
         if model.case.plane == "axisymmetric":
             return np.zeros(len(entries)), "unknown: what carries the tractions is left out"
-        fault = model.faults[0]
+        fault = self._reference
         stress = self._carried_by(fault)
         if not stress.any() and parallel.largest(model.comm, np.abs(fault.normal_stress_0).max(initial=0)) == 0:
             return np.zeros(len(entries)), "none"
