@@ -89,7 +89,8 @@ def test_command_on_two_files(given: list[str], pixel: float, unit: str, tmp_pat
 
     Displacements and places have the same unit, so that the slopes of the displacement are F - 1 of X, to first order.
     """
-    after = picture(*mapped(np.array([[1.004, 0.003], [-0.001, 0.998]])), 2)
+    x, y = mapped(np.array([[1.004, 0.003], [-0.001, 0.998]]))
+    after = picture(x - 0.4, y + 0.3, 2)  # besides moved by 0.4 and -0.3 pixels, which no turned picture has
     for name, image in (("before", BEFORE), ("after", after)):
         Image.fromarray(image[::-1].astype(np.uint8)).save(tmp_path / f"{name}.png")
     done = CliRunner().invoke(
@@ -110,11 +111,11 @@ def test_command_on_two_files(given: list[str], pixel: float, unit: str, tmp_pat
             assert field.attrs["units"] == data.x.attrs["units"] == unit
             fit = np.linalg.lstsq(np.stack([*place, np.ones_like(place[0])], axis=1), field.values[MIDDLE].ravel())[0]
             assert fit[:2] == pytest.approx(slopes, abs=2e-4)
-        rows, columns = np.arange(50, 150), np.arange(50, 200)  # the motion is zero in the middle, (130, 100)
+        rows, columns = np.arange(50, 150), np.arange(50, 200)  # (130, 100) moves by 0.4 and -0.3
         at_left = float(np.nanmean(data["displacement_x"].values[np.ix_(rows, columns[:10])])) / pixel
         below = float(np.nanmean(data["displacement_y"].values[np.ix_(rows[:10], columns)])) / pixel
-        assert at_left == pytest.approx(0.004 * (54.5 - 130) + 0.003 * (99.5 - 100), abs=0.05)
-        assert below == pytest.approx(-0.001 * (124.5 - 130) - 0.002 * (54.5 - 100), abs=0.05)
+        assert at_left == pytest.approx(0.4 + 0.004 * (54.5 - 130) + 0.003 * (99.5 - 100), abs=0.05)
+        assert below == pytest.approx(-0.3 - 0.001 * (124.5 - 130) - 0.002 * (54.5 - 100), abs=0.05)
 
 
 @pytest.mark.parametrize("pixel", ["0", "-1e-5", "inf", "nan", "20 us", "wide"])

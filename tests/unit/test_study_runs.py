@@ -23,6 +23,7 @@ from ruptfx.app.cli import app
 from ruptfx.many_runs.study import read_csv, read_study, refine, run_study
 from ruptfx.many_runs.study.mode_map import Map
 from ruptfx.many_runs.study.store import Store
+from ruptfx.many_runs.study.table import unit_of
 from ruptfx.platform import launch
 from ruptfx.results.summary_fields import DESCRIPTIONS
 
@@ -349,3 +350,10 @@ def test_a_boundary_of_the_wanted_width_is_not_bisected_again(width, count, monk
 def test_points_are_doubtful_by_the_threshold_or_by_the_finer_mesh(half, fine, doubtful):
     shown = Map(SimpleNamespace(refine=SimpleNamespace(by="mode")), [], Path())
     assert shown.doubtful({"mode": "crack", "mode_at_half_threshold": half, "fine_mesh": fine}) is doubtful
+
+
+def test_columns_have_their_units():
+    """By hand; energies of plane models are per metre of thickness."""
+    units = {"energy_kinetic": "J", "energy_closure": "1", "time_step": "s", "wall_time": "s", "seconds": "s",
+             "node_updates_per_second": "1", "tip_speed": "m/s", "max_slip": "m", "mode": "1"}  # fmt: skip
+    assert {name: unit_of(name) for name in units} == units
