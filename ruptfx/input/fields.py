@@ -226,6 +226,20 @@ MONITORS = (
     Monitor("friction_work", "J/m2", "work of friction per area in all steps", update=_work),
 )  # fmt: skip
 
+PLACE = {
+    "position": ("m", "position along the interface"), "dip": ("m", "distance down dip, from the upper edge"),
+    "area": ("m2", "area of the surface that the point stands for"),
+    **{name: ("Pa", f"shear modulus {text}, harmonic mean of both sides") for name, text in {
+        "shear_modulus": "in the direction of slip", "shear_modulus_11": "of slip along the first tangent",
+        "shear_modulus_22": "of slip along the second tangent", "shear_modulus_12": "that couples both tangents",
+    }.items()},
+    "c_p": ("m/s", "longitudinal wave speed along the interface, of the side with the slower shear waves"),
+    "c_s": ("m/s", "shear wave speed along the interface, of the side where it is slower"),
+    "c_R": ("m/s", "Rayleigh wave speed along the interface, of the side with the slower shear waves"),
+    "c_s_dip": ("m/s", "shear wave speed along the second tangent, of the side where it is slower"),
+    "fastest_wave": ("m/s", "largest wave speed of both sides"),
+}  # fmt: skip
+"""Units and meanings of what does not change at the points, besides x, y and z."""
 ENERGIES = {
     "kinetic": "kinetic energy", "strain": "strain energy",
     "interface_elastic": "elastic energy of compliant interfaces",
@@ -275,4 +289,4 @@ def component_names(name: str, tangents: int) -> list[str]:
 def reserved_names() -> frozenset[str]:
     """Return every name used by an interface and its file, for any number of tangents."""
     fields = (*FIELDS, *DERIVED, *OF_SLIDING, *MONITORS)
-    return frozenset(name for field in fields for tangents in (1, 2) for name in field.names(tangents))
+    return frozenset(name for field in fields for tangents in (1, 2) for name in field.names(tangents)) | set(PLACE)

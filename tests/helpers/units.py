@@ -12,13 +12,14 @@ UNITS = {
     "m": "x y z position dip slip cumulative_slip opening displacement displacement_jump deformed paired "
          "paired_position points length largest_opening largest_slip",
     "s": "time rupture_time time_of_yield time_of_failure theta",
-    "m/s": "velocity slip_rate mean_slip_rate peak_slip_rate",
-    "Pa": "stress traction normal_stress shear_traction normal_traction fringe theta_p psi",
+    "m/s": "velocity slip_rate mean_slip_rate peak_slip_rate c_p c_s c_R c_s_dip fastest_wave",
+    "Pa": "stress traction normal_stress shear_traction normal_traction fringe theta_p psi "
+          "shear_modulus shear_modulus_11 shear_modulus_22 shear_modulus_12",
     "J/m2": "friction_work",
     "m2": "potency",
     "J": "energy",
     "degree": "inclination",
-    "1": "strain extension contact cells body damage status lines normal bodies joint magnitude mode pair "
+    "1": "strain extension contact cells body body_of_cell damage status lines normal bodies joint magnitude mode pair "
          "tensile_share plastic_strain equivalent_plastic_strain",
 }  # fmt: skip
 """Unit: names without their components."""

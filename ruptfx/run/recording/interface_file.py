@@ -9,24 +9,10 @@ import h5netcdf
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.input.fields import MONITORS, Field
+from ruptfx.input.fields import MONITORS, PLACE, Field
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.run.recording.growing_file import GrowingFile
 
-PLACE = {
-    "position": ("m", "position along the interface"), "dip": ("m", "distance down dip, from the upper edge"),
-    "area": ("m2", "area of the surface that the point stands for"),
-    **{name: ("Pa", f"shear modulus {text}, harmonic mean of both sides") for name, text in {
-        "shear_modulus": "in the direction of slip", "shear_modulus_11": "of slip along the first tangent",
-        "shear_modulus_22": "of slip along the second tangent", "shear_modulus_12": "that couples both tangents",
-    }.items()},
-    "c_p": ("m/s", "longitudinal wave speed along the interface, of the side with the slower shear waves"),
-    "c_s": ("m/s", "shear wave speed along the interface, of the side where it is slower"),
-    "c_R": ("m/s", "Rayleigh wave speed along the interface, of the side with the slower shear waves"),
-    "c_s_dip": ("m/s", "shear wave speed along the second tangent, of the side where it is slower"),
-    "fastest_wave": ("m/s", "largest wave speed of both sides"),
-}  # fmt: skip
-"""Units and meanings of what does not change at the points, besides x, y and z."""
 BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
 
 
