@@ -8,8 +8,9 @@ exponents may be those of Fortran (1.5D-3). A header may give the unit of a colu
 from __future__ import annotations
 
 import csv
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
@@ -73,8 +74,9 @@ class NumberTable:
         ValueError
             A cell is no finite number.
         """
-        pairs = zip(self.rows, self.lines, strict=True)
-        return [number(row[place], self.path, line, scale) for row, line in pairs]
+        words = [row[place] for row in self.rows]
+        values = [number(word, self.path, line) for word, line in zip(words, self.lines, strict=True)]
+        return values if scale == 1 else _scaled(words, values, Fraction(scale))
 
     def factors(self, units: Mapping[int, str | None]) -> dict[int, Fraction | None]:
         """Return the factor of each column to its unit, from the nearest header with units; None without a unit.
@@ -256,32 +258,40 @@ def _words(line: str, separator: str | None) -> list[str]:
         words = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
     else:
         words = line.split(separator)
-    return [word.strip().strip("\"'").strip() for word in words] or [""]
+    return [word.strip(" \t\"'") for word in words] or [""]
 
 
-def number(word: str | None, path: str | Path, line: int, scale: Fraction | int = 1) -> float:
-    """Return a finite number, times the factor of its column.
+def number(word: str, path: str | Path, line: int) -> float:
+    """Return a finite number.
 
     Raises
     ------
     ValueError
     """
-    text = _plain(word or "").strip()
     try:
-        value = float(text)
+        value = float(_plain(word))
     except ValueError:
-        value = np.nan
-    if not np.isfinite(value) or "_" in text:
-        point = ", with a decimal point" if "," in (word or "") else ""
+        value = math.nan
+    if not math.isfinite(value) or "_" in word:
+        point = ", with a decimal point" if "," in word else ""
         raise ValueError(
-            f"line {line} of {path}: {(word or '').strip()[:40]!r} must be a finite number{point}; correct it, or "
-            "leave out the line"
+            f"line {line} of {path}: {word[:40]!r} must be a finite number{point}; correct it, or leave out the line"
         )
-    if scale == 1:
-        return value
-    # In exact arithmetic, so that 60 in microseconds equals 60e-6 bitwise, where numbers have no exponent of millions.
-    exact = Decimal(text)
-    return float(Fraction(exact) * scale) if abs(exact.adjusted()) < 400 else value * float(scale)
+    return value
+
+
+def _scaled(words: Iterable[str], values: Sequence[float], scale: Fraction) -> list[float]:
+    """Return numbers times a factor, in exact arithmetic, so that 60 in microseconds equals 60e-6 bitwise."""
+    power = Decimal(scale.numerator) / Decimal(scale.denominator)
+    shift = power.adjusted() if power == Decimal(1).scaleb(power.adjusted()) else None
+    scaled = []
+    for word, value in zip(words, values, strict=True):
+        exact = Decimal(_plain(word))
+        if abs(exact.adjusted()) > 400:  # exact arithmetic would take time and memory of its exponent
+            scaled.append(value * float(scale))
+        else:
+            scaled.append(float(Fraction(exact) * scale if shift is None else exact.scaleb(shift)))
+    return scaled
 
 
 def _plain(word: str) -> str:

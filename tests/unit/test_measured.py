@@ -71,6 +71,11 @@ def test_equal_signals_have_no_misfit_and_opposite_ones_no_shift() -> None:
     assert turned.misfit == pytest.approx(2) and turned.ratio == pytest.approx(-1) and turned.shift == 0
 
 
+def test_a_constant_signal_is_not_shifted() -> None:
+    found = misfit(TIME, np.full(len(TIME), -6e6), TIME, np.full(len(TIME), -6.000001e6))
+    assert found.shift == 0 and found.ratio == pytest.approx(1, rel=1e-6) and not found.limited
+
+
 def test_a_shift_at_the_end_of_the_searched_range_is_marked() -> None:
     found = misfit(TIME, pulse(TIME), TIME, pulse(TIME - 5e-6), most_shift=1e-6)
     assert found.limited and found.shift == pytest.approx(1e-6, rel=0.01)

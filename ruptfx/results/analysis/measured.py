@@ -225,11 +225,11 @@ def _best(residual: Callable[..., float], most: float, every: int) -> tuple[floa
         return 0.0, False
     tried = np.linspace(-most, most, 2 * TRIED + 1)  # zero is one of them
     values = np.array([residual(shift, every) for shift in tried])
-    best = int(np.argmin(values))
+    best = int(np.lexsort((np.abs(tried), np.round(values, 6)))[0])  # the smallest shift of a signal that is constant
     if values[best] >= 1:  # the signals are of opposite sign at every shift
         return 0.0, False
     step, centre = tried[1] - tried[0], tried[best]
     ends = max(-most, centre - step), min(most, centre + step)
     refined = float(minimize_scalar(residual, bounds=ends, method="bounded", options={"xatol": 1e-4 * step}).x)
-    shift = refined if residual(refined) < residual(centre) else float(centre)
+    shift = refined if residual(refined) < residual(centre) - 1e-7 else float(centre)
     return shift, best in (0, len(tried) - 1)
