@@ -41,7 +41,8 @@ class Creeping(FrictionLaw):
     V_0: VaryingSpeed
     """Reference slip rate."""
     V_initial: VaryingSpeed = 1e-9
-    """Slip rate [m/s] at which the initial shear stress is carried, if the interface has no initial velocity."""
+    """Slip rate [m/s] at which the initial shear stress is carried, if the interface has no initial velocity. With an
+    initial state and a stress the law gives it; it begins at the larger of this and V_0 at most."""
 
     def psi(self, state: LawState) -> Array:
         """Return the friction coefficient at the slip rate V_0, without the regularisation."""
