@@ -19,6 +19,7 @@ from pathlib import Path
 from ruptfx import RuptfxError
 
 STOP = "RUPTFX_STOP"  # path of the file with which the launcher asks the ranks to stop
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGXCPU)
 PR_SET_PDEATHSIG = 1  # of prctl(2)
 RANKS = "RUPTFX_RANKS"  # number of ranks requested by the launcher, which the ranks compare with the actual one
 
@@ -27,7 +28,7 @@ def no_fem(missing: str) -> RuptfxError:
     """Return the error of a missing DOLFINx, with commands that install it."""
     return RuptfxError(
         f"DOLFINx is not installed here ({missing}). Install it, in a clone of ruptfx, with: make env; or with: "
-        f"{shlex.quote(sys.executable)} -m pip install '.[fem]' (Linux x86-64); "
+        f"{shlex.quote(sys.executable)} -m pip install 'ruptfx[fem]' (Linux x86-64); "
         "on Debian 13: sudo apt-get install python3-dolfinx"
     )
 
@@ -104,14 +105,15 @@ def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
     )  # fmt: skip
 
     def stop(number: int, _: object) -> None:
-        if asked.exists():  # second request: end the ranks immediately
-            process.send_signal(number)
+        if asked.exists():
+            if number in (signal.SIGINT, signal.SIGTERM):  # second request: end the ranks immediately
+                process.send_signal(number)
         else:
             part = asked.with_suffix(".new")
             part.write_text("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
             part.replace(asked)
 
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, stop) for number in STOPPING}
     try:
         return process.wait()
     finally:

@@ -241,7 +241,10 @@ def _raise_together(comm: fem.MPI.Comm, error: Exception | None) -> None:
 
 
 class Signals:
-    """Conversion of SIGINT and SIGTERM to a flag that the time loop checks; a second signal acts immediately."""
+    """Conversion of stop signals to a flag that the time loop checks; a second SIGINT or SIGTERM acts immediately.
+
+    SIGUSR1 and SIGXCPU are the warnings of batch systems and of a limit of the processor time (again every second).
+    """
 
     def __init__(self) -> None:
         self.received = ""
@@ -249,7 +252,7 @@ class Signals:
 
     def __enter__(self) -> Signals:
         try:
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in launch.STOPPING:
                 self._before[number] = signal.signal(number, self._receive)
         except ValueError:  # not the main thread: leave signals alone
             pass
@@ -257,7 +260,8 @@ class Signals:
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
         self.received = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
-        signal.signal(number, self._before[number] or signal.SIG_DFL)
+        if number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._before[number] or signal.SIG_DFL)
 
     def anywhere(self, comm: fem.MPI.Comm) -> str:
         """Return the signal that any rank received; collective, the same on all."""

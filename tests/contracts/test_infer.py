@@ -332,14 +332,15 @@ def test_an_interrupted_inference_goes_on_as_if_it_were_not(tmp_path: Path, monk
 
     def counted(self: inversion.Inversion, z: np.ndarray, derivatives: str) -> Any:
         if len(computed) == 3:
-            raise KeyboardInterrupt
+            os.kill(os.getpid(), signal.SIGTERM)
         made = evaluate(self, z, derivatives)
         computed.append(made)
         return made
 
     monkeypatch.setattr(inversion.Inversion, "_evaluate", counted)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(RuptfxError, match="3 runs are kept") as error:
         infer(case, tmp_path / "part", progress=False)
+    assert error.value.exit_code == 130
     monkeypatch.setattr(inversion.Inversion, "_evaluate", evaluate)
     (tmp_path / "part/evaluations/0003.part").write_bytes(b"half")
     made = infer(case, tmp_path / "part", progress=False)

@@ -143,7 +143,7 @@ def test_resumes_on_another_number_of_ranks(case_file, reference, tmp_path):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGUSR1, signal.SIGXCPU])
 def test_signals_write_a_checkpoint_first(number, case_file, reference, tmp_path):
     assert stop_after(case_file, tmp_path / "run", 1, 1, number) == 130
     newest = max((tmp_path / "run" / "checkpoints").glob("step_*"))

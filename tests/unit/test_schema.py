@@ -197,7 +197,7 @@ def test_without_dolfinx_the_error_names_commands_that_install_it() -> None:
     code = "import sys; sys.modules['basix'] = None; from ruptfx.platform import fem; fem.MPI"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     said = done.stderr.splitlines()[-1]
-    assert "DOLFINx is not installed here" in said and f"{sys.executable} -m pip install '.[fem]'" in said
+    assert "DOLFINx is not installed here" in said and f"{sys.executable} -m pip install 'ruptfx[fem]'" in said
     # What pip is told to install is in the project file, and `make env` is a target.
     root = Path(__file__).parents[2]
     assert "fem" in tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]

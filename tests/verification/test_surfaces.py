@@ -199,6 +199,22 @@ def test_a_receiver_at_the_welded_end_of_a_fault_is_refused() -> None:
     assert "welded" in str(refused.value)
 
 
+def test_the_nearest_node_of_the_message_is_accepted() -> None:
+    """On a dipping fault its coordinates are no short numbers: with 6 digits it would be beside the plane."""
+    point = [1.234e-3, 0.5e-3, -2.1e-3]
+    for attempt in range(2):
+        table = strike_slip({"mesh.dip": 57.3, "instruments": [
+            {"kind": "fault_receiver", "name": "one", "interval": 3e-7, "point": point}]})  # fmt: skip
+        model = Model(parse_case(table))
+        readings = ModelReadings(model, lambda points: np.zeros((len(points), 6)))
+        try:
+            assert model.case.instruments[0].channels(readings, "here") and attempt == 1
+        except CaseError as error:
+            text = re.search(r"nearest node, \((.*)\) m", str(error))
+            assert text and attempt == 0, error
+            point = [float(number) for number in text[1].split(",")]
+
+
 def test_a_symmetric_rupture_of_a_box_closes_its_budget() -> None:
     """Slip is symmetric in x, largest at the surface of all depths, and energy is conserved."""
     model, _, state = march(parse_case(strike_slip()))

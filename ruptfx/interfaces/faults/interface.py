@@ -285,7 +285,7 @@ class Interface:
         found = rows[best, 1:3] + np.stack(tangents) @ (point - points[best])
         low, high = rows[:, 1:3].min(axis=0) - most, rows[:, 1:3].max(axis=0) + most
         if away > most or np.any(found < low) or np.any(found > high):
-            here, there = (", ".join(f"{value:.6g}" for value in each) for each in (point, points[best]))
+            here, there = (", ".join(f"{value:.12g}" for value in each) for each in (point, points[best]))
             raise RuptfxError(f"({here}) m is not on the interface, whose nearest node is ({there}) m")
         return np.asarray(found)
 

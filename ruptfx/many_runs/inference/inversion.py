@@ -17,7 +17,7 @@ from ruptfx.many_runs.adjoint.sweeps import Told
 from ruptfx.many_runs.inference import evaluations, posterior, searches
 from ruptfx.many_runs.inference.evaluations import Derivatives, Evaluation
 from ruptfx.many_runs.inference.evaluator import Evaluator
-from ruptfx.many_runs.inference.pool import Pool, check_method, check_ranks, opened
+from ruptfx.many_runs.inference.pool import Pool, check_method, check_ranks, interruptible, opened
 from ruptfx.many_runs.inference.posterior import Posterior
 from ruptfx.many_runs.inference.result import Fit, Recovered, Result
 from ruptfx.platform import fem, parallel, run_files
@@ -398,7 +398,10 @@ def infer(
     if pooled:
         with opened(out.absolute(), memory, cores, ranks, scheduler) as inversion.pool:
             made = inversion.search(show)
-    else:
+    elif comm.size == 1:
+        with interruptible(out):
+            made = inversion.search(show)
+    else:  # an interrupt of one rank would leave the others in a collective call
         made = inversion.search(show)
 
     def finish() -> None:

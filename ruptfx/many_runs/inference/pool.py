@@ -114,9 +114,21 @@ def opened(out: Path, memory: float, cores: int, ranks: int, scheduler: str | No
     RuptfxError
         dask.distributed is missing, or the scheduler does not answer; after Ctrl-C or SIGTERM.
     """
-    with stoppable(), opened_cluster(out / "case.toml", scheduler, cores, ranks) as client:
+    with opened_cluster(out / "case.toml", scheduler, cores, ranks) as client, interruptible(out):
+        yield Pool(client, out, memory, ranks)
+
+
+@contextmanager
+def interruptible(out: Path) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM end an inference with the number of runs that are kept.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    with stoppable():
         try:
-            yield Pool(client, out, memory, ranks)
+            yield
         except KeyboardInterrupt:
             workers.close_children()
             kept = len(list((out / "evaluations").glob("*.npz")))

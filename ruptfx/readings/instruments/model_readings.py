@@ -167,7 +167,8 @@ class ModelReadings:
         if not on.any() or np.abs(shared[~on, 1]).sum() > OFF:
             points = parallel.share_rows(comm, face.points[face.owned])
             near = points[np.argmin(np.linalg.norm(points - np.asarray(point), axis=1))]
-            here, there = ("(" + ", ".join(f"{value:.6g}" for value in each) + ") m" for each in (point, near))
+            # Digits enough that the remedy is accepted.
+            here, there = ("(" + ", ".join(f"{value:.12g}" for value in each) + ") m" for each in (point, near))
             raise CaseError(
                 f"{key}.point = {here}: is not on interface '{fault.name}', or in an element at its welded end; use "
                 f"its nearest node, {there}"
