@@ -408,7 +408,7 @@ def text_of(path: Path) -> str:
             text = content.decode(encoding)
             if "\0" not in text:
                 return text
-    raise ValueError(f"{path}: is no text in UTF-8, UTF-16 or Latin-1; save it as text in UTF-8")
+    raise ValueError(f"{path}: is no text in UTF-8, UTF-16 or Latin-1; write it as text in UTF-8")
 
 
 def with_units(path: Path, first: str | None = None, others: str | None = None) -> dict[str, tuple[list[float], str]]:

@@ -121,26 +121,31 @@ def test_a_file_is_contained_in_the_resolved_case_or_has_a_checksum(key: str, tm
     run.mkdir()
     case.save(run)
     is_named = str(tmp_path / next(iter(files))) in (run / "case.toml").read_text()
-    if not is_named:
+    if is_named:
+        assert set(case.sums) == {str(path) for path in files.values()} and run_files.check_inputs(run)
+        for path in files.values():
+            changes_are_refused(path, run, case.hash, lambda: parse_case(table, tmp_path).hash)
+    else:  # its numbers are in the case
         assert not case.sums
         for path in files.values():
             path.unlink()
         assert read_case(run / "case.toml").hash == case.hash and not run_files.check_inputs(run)
-        return
-    assert set(case.sums) == {str(path) for path in files.values()} and run_files.check_inputs(run)
-    for path in files.values():
-        before = path.read_bytes()
-        size, sha256 = len(before), checksum(path)
-        path.write_bytes(before + b" ")
-        words = rf"{path}: changed .*{sha256}, {size} bytes; now {checksum(path)}, {size + 1} bytes.*--out"
-        with pytest.raises(RuptfxError, match=facts(words)):
-            run_files.check_inputs(run)
-        assert parse_case(table, tmp_path).hash != case.hash
-        path.unlink()
-        with pytest.raises(RuptfxError, match=facts(rf"{path}: missing .*{sha256}, {size} bytes")):
-            run_files.check_inputs(run)
-        path.write_bytes(before)
-        assert run_files.check_inputs(run) and parse_case(table, tmp_path).hash == case.hash
+
+
+def changes_are_refused(path: Path, run: Path, hash_before: str, present_hash: Callable[[], str]) -> None:
+    """A byte more, no file at all, and the file as it was."""
+    before = path.read_bytes()
+    size, sha256 = len(before), checksum(path)
+    path.write_bytes(before + b" ")
+    words = rf"{path}: changed .*{sha256}, {size} bytes; now {checksum(path)}, {size + 1} bytes.*--out"
+    with pytest.raises(RuptfxError, match=facts(words)):
+        run_files.check_inputs(run)
+    assert present_hash() != hash_before
+    path.unlink()
+    with pytest.raises(RuptfxError, match=facts(rf"{path}: missing .*{sha256}, {size} bytes")):
+        run_files.check_inputs(run)
+    path.write_bytes(before)
+    assert run_files.check_inputs(run) and present_hash() == hash_before
 
 
 def begun(folder: Path) -> Path:
