@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from ruptfx import RuptfxError
 from ruptfx.app.cli import app
 from ruptfx.case import FOLDERS, parse_case, read_case
-from ruptfx.input.schema import Part, RunFile, alternatives, descriptions, has_mark
+from ruptfx.input.schema import Part, RunFile, alternatives, descriptions, has_mark, package_of
 from ruptfx.platform import run_files
 from ruptfx.platform.files import checksum
 from ruptfx.run.recording import checkpoint
@@ -92,7 +92,7 @@ TABLES = tables()
 def keys_of_files() -> Iterator[str]:
     """Keys of text that are called `file`, have the mark, or whose description begins with a file."""
     for folder in (*FOLDERS, "lumped"):
-        alternatives(f"ruptfx.{folder}")
+        alternatives(package_of(folder))
     classes, todo = dict[type[Part], None](), [Part]
     while todo:
         cls = todo.pop()
