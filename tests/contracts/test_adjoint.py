@@ -82,6 +82,17 @@ def test_every_plane_has_exact_transposes(plane: str, contact: str) -> None:
     assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
 
 
+def test_a_step_of_zero_length_keeps_the_slip_rate() -> None:
+    case = bench.sliding_plates(LAWS["rate_and_state_ageing"], CONTACTS["compliant"], "strain", steps=60)
+    sweeps = Objective(case, case.objective, fem.MPI.COMM_SELF).sweeps
+    points, rows = sweeps.points[0], sweeps.made.histories[0].rows
+    found = points.found(rows[0], rows[1], sweeps.clocks[0])
+    outputs = points.value(0, sweeps.clocks[0], rows[0], sweeps.loaded(0, 0.0), found)
+    before = rows[0][points.history.index("mean_slip_rate_0")]
+    assert (before > 0).all()
+    np.testing.assert_array_equal(outputs[points.outputs.index("slip_rate_0")], before)
+
+
 def differences(case: Case, shape: Any, sizes: dict[str, float], step: float) -> dict[str, tuple[float, float]]:
     """Slopes of the objective along changes of every parameter: by the gradient, and by central differences."""
     model = Model(case).in_steps("explicit")

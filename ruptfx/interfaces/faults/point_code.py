@@ -181,7 +181,10 @@ class PointCode:
         return formulas
 
     def _step_formulas(self, radiation: Expression | None, guess: Expression | None) -> dict[str, Table]:
-        """Return the traced formulas of `point_step` by the name of their macro."""
+        """Return the traced formulas of `point_step` by the name of their macro, in the order of use in `points.c`.
+
+        Each is in a loop over points of its own, which compilers vectorise; `struct points` keeps what later ones need.
+        """
         law, each, tangents = self._law, self._each, range(self._fault.tangents)
         at_end, normal = law.at_end, int(self._fault.interface.has_normal)
         before, shear = each("OLD(mean_slip_rate + {})"), each("points->trial_shear[{}][l]")
