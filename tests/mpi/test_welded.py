@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.small_cases import COMPLIANT, CREEPING, HOMALITE, SPLIT, blocks, merged, plates
+from helpers.small_cases import COMPLIANT, CREEPING, HOMALITE, SPLIT, Given, blocks, merged, plates
 
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
@@ -15,6 +15,7 @@ pytest.importorskip("gmsh")
 from helpers.messages import facts
 
 from ruptfx import RuptfxError
+from ruptfx.bodies.meshes import RawMesh
 from ruptfx.bodies.meshes.gmsh_file import GmshFile
 from ruptfx.bodies.space.bodies import distribute
 from ruptfx.bodies.space.edges import Edge
@@ -205,6 +206,31 @@ def test_files_have_the_body_of_every_cell(shared_tmp_path: Path) -> None:
     )
     x, y = points[cells].mean(axis=1).T
     np.testing.assert_array_equal(body, 2 * (y > 0) + (x > 0))
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-3])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bodies_without_a_connection_are_refused(dim: int, gap: float) -> None:
+    """Two boxes on each other with an interface, and a third one on top with nodes of its own, 3 (9) of them below."""
+    column = np.array([[x, y] for y in range(3) for x in range(3)], dtype=float) * 1e-3
+    square = np.array([[0, 1, 3, 4], [1, 2, 4, 5], [3, 4, 6, 7], [4, 5, 7, 8]])
+    points = [column + [0.0, 2e-3 * k + gap * (k == 2)] for k in range(3)]
+    cells, under, above = [square + 9 * k for k in range(3)], np.array([[6, 7], [7, 8]]), np.array([[9, 10], [10, 11]])
+    kind, points, cells = "quadrilateral", np.concatenate(points), np.concatenate(cells)
+    if dim == 3:
+        kind, count = "hexahedron", len(points)
+        points = np.concatenate([np.column_stack([points, np.full(count, 1e-3 * z)]) for z in range(3)])
+        cells = np.concatenate([np.hstack([cells + count * z, cells + count * (z + 1)]) for z in range(2)])
+        under, above = (
+            np.concatenate([np.hstack([each + count * z, each + count * (z + 1)]) for z in range(2)])
+            for each in (under, above)
+        )
+    raw = RawMesh(kind, points, cells, ["a", "b", "cap"], np.tile(np.repeat([0, 1, 2], 4), dim - 1))
+    raw.interfaces["main"] = above, under
+    with pytest.raises(RuptfxError, match=facts("'cap'.*no connection" if gap else rf"'cap'.*{3 ** (dim - 1)} nodes")):
+        distribute(COMM, Given(raw))
+    raw.interfaces["other"] = (above + 9, under + 9)  # now all are connected
+    distribute(COMM, Given(raw), sliding=["other"])
 
 
 def test_an_interface_may_end_inside(shared_tmp_path: Path) -> None:

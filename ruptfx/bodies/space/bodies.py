@@ -13,6 +13,7 @@ from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import FACETS, Base, MeshSource, RawMesh
 from ruptfx.bodies.space.branches import weld_branch_ends
 from ruptfx.bodies.space.closest import closest
+from ruptfx.bodies.space.connections import check_connections
 from ruptfx.input.schema import nearest
 from ruptfx.platform import fem, parallel
 
@@ -188,6 +189,8 @@ def _from_root(
             raw = weld_branch_ends(raw, sliding)
             check_pairs(raw, sliding)
             pairs = {key: tied_facets(raw, key, *edges) for key, edges in tied.items()}
+            if not neighbours:  # fragments may fly
+                check_connections(raw, pairs.values())
         except Exception as caught:
             error = caught
     parallel.raise_on_all(comm, error)

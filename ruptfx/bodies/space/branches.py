@@ -36,7 +36,7 @@ def weld_branch_ends(raw: RawMesh, sliding: Collection[str] = ()) -> RawMesh:
         return raw
     plus, minus, owner = _ridges(raw, paired)
     both = [(p.ravel(), m.ravel()) for p, m in (raw.interfaces[name] for name in paired)]
-    place = _connected(len(raw.points), *(np.concatenate(side) for side in zip(*both, strict=True)))
+    place = connected(len(raw.points), *(np.concatenate(side) for side in zip(*both, strict=True)))
     _, ridge = np.unique(np.sort(place[plus], axis=1), axis=0, return_inverse=True)
     ridge = ridge.ravel()
     count = np.zeros((ridge.max(initial=-1) + 1, len(paired)), dtype=np.int64)
@@ -45,7 +45,7 @@ def weld_branch_ends(raw: RawMesh, sliding: Collection[str] = ()) -> RawMesh:
     ends = goes_on[ridge] & (count[ridge, owner] == 1)
     if not np.any(plus[ends] != minus[ends]):
         return raw
-    welded = _connected(len(raw.points), plus[ends].ravel(), minus[ends].ravel())
+    welded = connected(len(raw.points), plus[ends].ravel(), minus[ends].ravel())
     kept, number = np.unique(welded, return_inverse=True)
     number = number.ravel()
     interfaces = {name: (number[p], number[m]) for name, (p, m) in raw.interfaces.items()}
@@ -86,7 +86,7 @@ def _ridges(raw: RawMesh, names: list[str]) -> tuple[np.ndarray, np.ndarray, np.
     return np.concatenate(plus), np.concatenate(minus), np.concatenate(owner)
 
 
-def _connected(count: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def connected(count: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return for each vertex the lowest one that is connected with it by pairs, shape (count,)."""
     from scipy import sparse  # imported late: lattices do not need it
     from scipy.sparse.csgraph import connected_components
