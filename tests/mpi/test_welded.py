@@ -214,7 +214,7 @@ def test_bodies_without_a_connection_are_refused(dim: int, gap: float) -> None:
     """Two boxes on each other with an interface, and a third one on top with nodes of its own, 3 (9) of them below."""
     column = np.array([[x, y] for y in range(3) for x in range(3)], dtype=float) * 1e-3
     square = np.array([[0, 1, 3, 4], [1, 2, 4, 5], [3, 4, 6, 7], [4, 5, 7, 8]])
-    points = [column + [0.0, 2e-3 * k + gap * (k == 2)] for k in range(3)]
+    points = [column + np.array([0.0, 2e-3 * k + gap * (k == 2)]) for k in range(3)]
     cells, under, above = [square + 9 * k for k in range(3)], np.array([[6, 7], [7, 8]]), np.array([[9, 10], [10, 11]])
     kind, points, cells = "quadrilateral", np.concatenate(points), np.concatenate(cells)
     if dim == 3:

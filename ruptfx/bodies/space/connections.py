@@ -52,16 +52,16 @@ def check_connections(raw: RawMesh, tied: Iterable[tuple[np.ndarray, np.ndarray]
             place = ", ".join(f"{x:.6g}" for x in raw.points[own[same[0]]])
             raise RuptfxError(
                 f"mesh: {names} and {beside} coincide at {len(same)} nodes, the first at ({place}) m, but each has its "
-                "own, and no interface is between them: nothing connects them. Remove the duplicate nodes (Coherence; in "
-                "the script of Gmsh, gmsh.model.mesh.removeDuplicateNodes() for a mesh), or name the facets there and "
-                "list them in mesh.interfaces"
+                "own, and no interface is between them: nothing connects them. Remove the duplicate nodes (Coherence "
+                "in the script of Gmsh, gmsh.model.mesh.removeDuplicateNodes() of a mesh), or name the facets there "
+                "and list them in mesh.interfaces"
             )
         if with_interface and one not in with_interface:
             place = ", ".join(f"{x:.6g}" for x in raw.points[own].mean(axis=0))
             raise RuptfxError(
-                f"mesh: {names}, around ({place}) m, has no connection to another body, an interface or a tied edge: its "
-                "motion and its loads change nothing else. Close the gap so that it shares nodes with its neighbour, "
-                "name an interface there, or remove it"
+                f"mesh: {names}, around ({place}) m, has no connection to another body, an interface or a tied edge: "
+                "its motion and its loads change nothing else. Close the gap so that it shares nodes with its "
+                "neighbour, name an interface there, or remove it"
             )
 
 
