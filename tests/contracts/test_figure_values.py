@@ -67,6 +67,10 @@ def uneven(path: Path) -> Path:
                 item[...] *= factor.reshape(factor.shape + (1,) * (item.ndim - 2))
 
             data.visititems(change)
+            if file.name == "bulk.h5":  # else the speed is that of one component
+                velocity = data["velocity"][...]
+                velocity[..., 0] = 0.7 * velocity[..., -1]
+                data["velocity"][...] = velocity
     return path
 
 
