@@ -105,6 +105,16 @@ def test_an_anisotropic_body_has_the_waves_along_the_interface(angle, fast, slow
     assert np.all(speeds[:, 2] < speeds[:, 1])
 
 
+@pytest.mark.parametrize("angle", [0.0, np.pi / 2])
+def test_antiplane_waves_along_the_interface_and_shear_across_it(angle):
+    """G_13 = 5 GPa along the fibres, G_23 = 9 / 2.8 GPa across them."""
+    along, across = (5e9, 9e9 / 2.8) if angle == 0 else (9e9 / 2.8, 5e9)
+    changes = {"plane": "antiplane", "faults.main.contact": {"kind": "split_node"}}
+    _, sides = beside(changes | {"materials.default": WOVEN | {"angle": angle}})
+    np.testing.assert_allclose(sides.speeds(), np.sqrt(along / 1600.0), rtol=1e-9)
+    np.testing.assert_allclose(sides.modulus, across, rtol=1e-9)
+
+
 def test_a_surface_has_moduli_and_waves_in_two_directions():
     """Fibres along x, the strike: slip along it shears 1 and 2, slip down dip 2 and 3; SH waves travel down dip with
     G_23, and along strike the slower ones with G_12 = G_13."""
