@@ -95,3 +95,30 @@ def test_a_run_ends_where_the_strength_becomes_negative(tmp_path: Path, formula:
     told = r"own: its strength is negative \(-[\de.+]+ Pa\).*interface point \d+ .*time"
     with pytest.raises(ProjectionError, match=facts(told)):
         march(case)
+
+
+CARRIED = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.012, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-6}
+
+
+@pytest.mark.parametrize("shear, b, theta", [(30e6, 0.012, r"8\.56e\+197"), (5e6, 1e-6, "inf")])
+def test_a_state_that_overflows_is_refused_with_stresses_and_remedies(shear: float, b: float, theta: str) -> None:
+    """theta = D_c / V_0 exp((a ln(2 sinh(tau / (a sigma)) V_0 / V) - f_0) / b), with a ratio of 6 and V = 1 nm/s:
+    exponent (6 + 0.01 ln 1000 - 0.6) / 0.012 = 455.756, theta = 8.56e197 s."""
+
+    def model(changes: dict[str, Any]) -> Model:
+        key = "faults.main"
+        return Model(parse_case(plates({
+            f"{key}.contact": SPLIT, f"{key}.friction": {**CARRIED, "b": b},
+            f"{key}.initial_stress": {"normal": 5e6, "shear": shear}, **changes,
+        })))  # fmt: skip
+
+    ratio = rf"{shear:g} Pa / 5e\+06 Pa = {shear / 5e6:g} at position 0 m".replace("e+0", r"e\+0")
+    with pytest.raises(CaseError, match=rf"initial_stress: shear / normal = {ratio} .*theta = {theta}"):
+        model({})
+    # The remedies of the message, one by one.
+    for changes in (
+        {"faults.main.initial_stress.shear": 1e5}, {"faults.main.initial_stress.normal": 1e9},
+        {"faults.main.friction.theta_initial": 1.0},
+    ):  # fmt: skip
+        if b > 1e-3 or "friction" in next(iter(changes)):
+            assert model(changes).faults[0].name == "main"

@@ -22,6 +22,7 @@ from ruptfx.laws.nucleation import Nucleation
 
 _TRIED_RATES = (0.0, 1e-9, 1e-6, 1e-3, 1.0, 10.0)  # m/s
 _TRIED_TIMES = (0.0, 1e-6, 1.0, 1e3)  # s
+_LARGEST_STATE = 1e100  # beyond, exponentials of the law overflow
 _TRIED_STRESS = 1e6  # Pa; normal stress for points without compression at the start
 
 
@@ -126,8 +127,8 @@ class Fault:
         n = len(self.interface.plus)
         given = np.zeros((n, self.tangents)) if slip_rate is None else slip_rate
         shear, speed = (np.linalg.norm(vector, axis=1) for vector in (self.shear_traction_0, given))
-        law_state = self.friction.initial_state(self.normal_stress_0, shear, speed)
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore"):  # `require_strength` refuses an overflow of the state
+            law_state = self.friction.initial_state(self.normal_stress_0, shear, speed)
             creep = self.friction.carried_slip_rate(shear, self.normal_stress_0, law_state)
         creep = np.minimum(creep, self.friction.largest_initial_slip_rate())
         direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
@@ -146,7 +147,9 @@ class Fault:
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
 
     def require_strength(self) -> None:
-        """Refuse a law whose strength is negative or not a number, at the start or after sliding at a few rates.
+        """Refuse an initial state that overflows, and a strength that is negative or not a number.
+
+        The strength is tried at the start and after sliding at a few rates.
 
         Raises
         ------
@@ -155,6 +158,18 @@ class Fault:
         """
         law = TracedLaw(self.friction, at_end=True)
         state = {name: value for name, value in self.initial_state().items() if name in law.state_names}
+        for name, values in state.items():
+            wrong = np.flatnonzero(~(np.abs(values) <= _LARGEST_STATE))
+            if len(wrong):
+                point = int(wrong[0])
+                shear, normal = float(np.linalg.norm(self.shear_traction_0[point])), float(self.normal_stress_0[point])
+                raise CaseError(
+                    f"faults.{self.name}.initial_stress: shear / normal = {shear:.6g} Pa / {normal:.6g} Pa = "
+                    f"{shear / normal if normal else np.inf:.4g} at position {self.interface.position[point]:.6g} m "
+                    f"({len(wrong)} such points): {self.friction.kind()} carries it with {name} = {values[point]:.3g} "
+                    f"only, and at most {_LARGEST_STATE:g} is computed; lower the shear stress or raise the normal "
+                    "stress there, or give the initial state of the law"
+                )
         pressed = np.where(self.normal_stress_0 > 0, self.normal_stress_0, _TRIED_STRESS)
         for time, rate in itertools.product(_TRIED_TIMES, _TRIED_RATES):
             rates = np.full(len(pressed), rate)
