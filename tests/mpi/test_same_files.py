@@ -42,6 +42,17 @@ CASES = {
         "instruments": [{**table, "interval": 10 * table["interval"]} for table in INSTRUMENTS],
         "stepper": {"kind": "generalized_alpha", "courant": 2.0},
     }),
+    "held_along_x": plates({
+        "duration": 5e-6, "order": 2, "faults.main.contact": {"kind": "split_node"},
+        "mesh": {"kind": "inclined_plates", "side": 12e-3, "inclination": 0.35, "element_size": 2e-3},
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.5, "mu_d": 0.2, "D_c": 2e-6},
+        "faults.main.initial_stress": {"normal": 6e6, "shear": 2.8e6},
+        "boundaries": [
+            {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 5.0, "ramp": 2e-6},
+            *({"kind": "driven", "edge": f"{body}.right", "component": "x", "velocity": 0.0}
+              for body in ("upper", "lower")),
+        ],
+    }),
     "antiplane": plates({
         "plane": "antiplane", "duration": 4e-6, "faults.main.contact": {"kind": "split_node"},
         "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6},

@@ -274,7 +274,7 @@ class Interface:
         RuptfxError
             On all ranks, if the point is farther than a hundredth of the extent from the surface, or beyond its rim.
         """
-        frame = self.frame.reshape(len(self.frame), -1)
+        frame = self.frame.reshape(-1, 9)
         rows = np.column_stack([self.number, self.locations, self.points, frame])[self.owned]
         rows = parallel.share_rows(comm, rows)
         rows = rows[np.argsort(rows[:, 0])]

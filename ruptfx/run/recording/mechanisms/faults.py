@@ -165,8 +165,8 @@ def _frame(comm: fem.MPI.Comm, face: Interface) -> np.ndarray | None:
     """Return tangent, normal and second tangent of a plane interface; None of others, and in antiplane."""
     if not face.has_normal:
         return None
-    frames = parallel.share_rows(comm, face.frame[face.owned].reshape(face.owned.sum(), -1))
+    dim = face.frame.shape[2]
+    frames = parallel.share_rows(comm, face.frame[face.owned].reshape(-1, dim * dim))  # a rank may have no points
     if np.ptp(frames, axis=0).max() > FLAT:
         return None
-    dim = face.frame.shape[2]
     return np.asarray(frames[0].reshape(dim, dim)[[1, 0, 2][:dim]])
