@@ -60,8 +60,12 @@ def _console() -> Console:
     return console(force_terminal=True if os.environ.get("RUPTFX_TERMINAL") else None, stderr=True)
 
 
+SILENCE = 600.0
+"""Longest time without a line [s]."""
+
+
 class Progress:
-    """A bar on a terminal, a line every tenth of the work elsewhere; a context manager.
+    """A bar on a terminal, elsewhere a line every tenth of the work and every ten minutes; a context manager.
 
     Parameters
     ----------
@@ -72,6 +76,7 @@ class Progress:
         self._console = _console()
         self._show, self._tenth = show, 0
         self._began, self._first = time.monotonic(), 0.0
+        self._last = self._began  # time of the last line
         self._bar: Bar | None = None
         if show and self._console.is_terminal:
             self._bar = Bar(
@@ -98,8 +103,11 @@ class Progress:
         tenth = int(10 * done)
         if self._bar:
             self._bar.update(self._task, completed=done, description=text)
-        elif self._show and tenth > self._tenth:
-            self._console.print(f"{10 * tenth:3d} %  {text}{self._left(done)}", soft_wrap=True, markup=False)
+        elif self._show and (tenth > self._tenth or time.monotonic() - self._last > SILENCE):
+            share = f"{10 * tenth:3d}" if tenth > self._tenth else f"{100 * done:3.0f}"
+            day = "" if time.monotonic() - self._began < SILENCE else time.strftime("  at %H:%M")
+            self._console.print(f"{share} %  {text}{self._left(done)}{day}", soft_wrap=True, markup=False)
+            self._last = time.monotonic()
         self._tenth = tenth
 
     def _left(self, done: float) -> str:

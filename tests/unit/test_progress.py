@@ -57,3 +57,16 @@ def test_a_long_text_of_a_log_stays_on_one_line_with_its_brackets(capsys):
     assert capsys.readouterr().err.splitlines() == [
         " 50 %  sets of [friction] over [bold]compression[/] and impact speed: 180 points, 90 done"
     ]
+
+
+def test_a_slow_run_prints_a_line_every_ten_minutes_with_the_time_of_day(capsys, monkeypatch):
+    """Three updates in 5 minutes each, then one after 7: a line after 15 minutes, the first above ten, and at 10 %."""
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "strftime", lambda form: f"  at {now[0]:.0f}")
+    with Progress() as progress:
+        for seconds, fraction in ((300, 0.01), (600, 0.02), (900, 0.03), (1320, 0.1)):
+            now[0] = seconds
+            progress.update(fraction, "text")
+    lines = capsys.readouterr().err.splitlines()
+    assert [(line.split("%")[0].strip(), line.split("at ")[-1]) for line in lines] == [("3", "900"), ("10", "1320")]
