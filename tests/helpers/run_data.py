@@ -38,10 +38,15 @@ def read(run: Path, plane: str) -> Run:
             file.visititems(lambda name, item, path=path: data.update(_dataset(path.name, name, item)))
     for path in sorted(run.glob("*.csv")):
         data |= _columns(path, "J" if plane in ("solid", "axisymmetric") else "J/m")
-    for name, value in json.loads((run / "summary.json").read_text()).items():
-        if name not in OF_THE_MACHINE:
-            data[f"summary.json:{name}"] = Data(value, unit(name) or "1")
-    return data
+    return data | dict(_scalars(json.loads((run / "summary.json").read_text()), "summary.json:"))
+
+
+def _scalars(table: dict[str, Any], prefix: str) -> Iterator[tuple[str, Data]]:
+    for name, value in table.items():
+        if isinstance(value, dict) and name not in OF_THE_MACHINE:
+            yield from _scalars(value, f"{prefix}{name}.")
+        elif name not in OF_THE_MACHINE:
+            yield f"{prefix}{name}", Data(value, unit(name) or "1")
 
 
 def _dataset(file: str, name: str, item: object) -> Run:
@@ -80,7 +85,7 @@ def differences(expected: Run, actual: Run, tolerance: float, ignored: Callable[
             key = name.partition(":")[0], data.unit
             largest[key] = max(largest.get(key, 0.0), float(np.nanmax(np.abs(data.values), initial=0.0)))
     for name in sorted(expected.keys() | actual.keys()):
-        if name.partition(":")[2] in ROUNDING or ignored(name):
+        if name.replace(":", ".").rpartition(".")[2] in ROUNDING or ignored(name):
             continue
         if name not in expected or name not in actual:
             yield f"{name}: only in the {'expected' if name in expected else 'other'} run"
