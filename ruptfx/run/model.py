@@ -252,6 +252,13 @@ class Model(System):
         except CaseError as caught:  # of a profile, at the points of this rank
             error = CaseError(f"faults.{name}{_with_key(fault, str(caught))}")
         parallel.raise_on_all(self.comm, error)
+        tension = -parallel.largest(self.comm, float(normal.max(initial=-np.inf)))
+        if 0 < tension < np.inf and fault.initial_stress.normal is None and fault.cohesion is None:
+            key = "initial_stress" if fault.initial_stress.of_bodies else f"faults.{name}.initial_stress"
+            raise CaseError(
+                f"{key}.tensor: pulls at every point of interface '{name}', with {tension:.6g} Pa or more; tension is "
+                "positive in a tensor, give compression a minus sign"
+            )
         self._check_patches(name, face, fault)
         after = self.case.output.rupture_after
         if after is None:

@@ -327,6 +327,21 @@ def test_echoes_of_edges_that_reflect() -> None:
     assert "upper.top: echo" not in quiet and "lower.bottom: echo" in quiet
 
 
+def test_periodic_edges_do_not_reflect() -> None:
+    ends = [{"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"} for body in ("upper", "lower")]
+    table = plates({"mesh.length": 4e-3, "duration": 4e-5, "boundaries": ends})
+    assert {key for key in rows(table) if "echo" in key} == {"upper.top: echo", "lower.bottom: echo"}
+
+
+@pytest.mark.parametrize("initial", [
+    {"faults.main.initial_stress": {"tensor": [6e6, 5e6, 1e6]}},
+    {"faults.main.initial_stress": {}, "initial_stress": {"kind": "uniform", "tensor": [6e6, 5e6, 1e6]}},
+])  # fmt: skip
+def test_a_tensor_with_positive_compression_is_refused(initial: dict[str, Any]) -> None:
+    with pytest.raises(CaseError, match=facts(r"initial_stress\.tensor: .*'main'.*5e\+06 Pa")):
+        rows(plates({"faults.main.contact": SPLIT, "faults.main.initial_stress": None, **initial}))
+
+
 def test_echoes_return_with_the_speed_of_their_own_body() -> None:
     """4 mm to and fro: in Homalite with 2201.7 m/s, in aluminium with sqrt(70e9 / 2700 / (1 - 0.33^2)) = 5393.9 m/s."""
     aluminium = {"kind": "isotropic_elastic", "young_modulus": 70e9, "poisson_ratio": 0.33, "density": 2700.0}
