@@ -148,6 +148,15 @@ def test_what_gmsh_says_of_a_script(tmp_path: Path) -> None:
         build(path)
 
 
+def test_a_mesh_in_another_plane_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    path = tmp_path / "upright.geo"
+    path.write_text(PLATES + "\nRotate {{1, 0, 0}, {0, 0, 0}, Pi / 2} { Surface{1, 2}; }\n")
+    with pytest.raises(RuptfxError, match=facts(r"upright\.geo: .*z is -0\.01 to 0\.01")):
+        build(path)
+
+
 def test_a_last_line_without_an_end_counts(tmp_path: Path) -> None:
     """It names three edges; the size of the elements is in the file of options, the name of one in another script."""
     pytest.importorskip("gmsh")

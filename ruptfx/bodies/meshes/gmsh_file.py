@@ -40,6 +40,7 @@ _CELLS = [
 _DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
 
 MOST_BYTES = 50_000_000_000  # largest size of a mesh file
+FLAT = 1e-6  # of the extent: largest range of z of a plane mesh
 SECONDS = 600.0  # time limit of Gmsh for a script
 AGAIN = "write it again with Gmsh, or whatever made it"
 
@@ -94,6 +95,12 @@ class GmshFile(MeshSource):
     def build(self) -> RawMesh:
         points, cell, cells, bodies, cell_body, named, middle = _read(Path(self.file), self.trust)
         dim = 3 if cell in ("hexahedron", "tetrahedron") else 2
+        if dim == 2 and points.shape[1] == 3 and np.ptp(points[:, 2]) > FLAT * np.ptp(points, axis=0).max():
+            low, high = points[:, 2].min(), points[:, 2].max()
+            raise RuptfxError(
+                f"{self.file}: the elements are not in the plane x-y, z is {low:.6g} to {high:.6g}; exchange y and z "
+                "of its points"
+            )
         points = points[:, :dim] * self.scale
         for name, sides in self.interfaces.items():
             _check_names(self.file, name, sides, named, bodies)
