@@ -338,7 +338,7 @@ def test_an_interrupted_inference_goes_on_as_if_it_were_not(tmp_path: Path, monk
         return made
 
     monkeypatch.setattr(inversion.Inversion, "_evaluate", counted)
-    with pytest.raises(RuptfxError, match="3 runs are kept") as error:
+    with pytest.raises(RuptfxError, match=facts("3 runs are kept")) as error:
         infer(case, tmp_path / "part", progress=False)
     assert error.value.exit_code == 130
     monkeypatch.setattr(inversion.Inversion, "_evaluate", evaluate)

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from ruptfx.app.commands._shared import Overwrite, begin, completed_from, reported, runs, screen, writing
-from ruptfx.input.schema import directory_of
 
 HEADING = "Post-process"
 
@@ -23,7 +22,7 @@ class Format(StrEnum):  # older Typers know no Literal
 
 def films() -> list[str]:
     """Return the kinds of movies, the files of their folder."""
-    return sorted(path.stem for path in directory_of("movies").glob("[!_]*.py"))
+    return sorted(path.stem for path in (Path(__file__).parents[2] / "results" / "movies").glob("[!_]*.py"))
 
 
 def movie(
