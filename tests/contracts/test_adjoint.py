@@ -625,18 +625,18 @@ def test_recorded_runs_are_those_of_the_time_loop(tmp_path: Path) -> None:
 STRESS = {"kind": "smooth_patch", "extra": 1e6, "center": 16e-3, "radius": 4e-3, "rise": 4e-6}
 WEAKER = {"kind": "friction_drop", "mu_d": 0.1, "center": 16e-3, "half_width": 3e-3, "t_w": 3e-6}
 PATCH = {"kind": "smooth_patch", "extra": 1e6, "center": {"x": 0.0, "y": 0.0, "z": -4e-3}, "radius": 3e-3, "rise": 1e-6}
-TRACE = {"kind": "traces", "instrument": "fault", "sigma": 1e-6}
+SIGNAL = {"kind": "traces", "instrument": "fault", "sigma": 1e-6}
 LINEAR = {
     "plane": slip_weakening({
         "duration": 9e-6, "faults.main.initial_stress.shear.inside": 3.2e6, "faults.main.nucleation": [WEAKER, STRESS],
         "instruments": [{"kind": "fault_receiver", "name": "fault", "interval": 2e-7, "position": 14e-3}],
-        "objective": [{**TRACE, "times": [4e-6, 6e-6, 8e-6], "data": {"slip": [1e-6, 2e-6, 3e-6]},
+        "objective": [{**SIGNAL, "times": [4e-6, 6e-6, 8e-6], "data": {"slip": [1e-6, 2e-6, 3e-6]},
                        "units": {"slip": "m"}}],
     }),
     "solid": strike_slip({
         "duration": 2e-6, "faults.main.nucleation": [PATCH], "faults.main.initial_stress.rake": 30.0,
         "instruments": [{"kind": "fault_receiver", "name": "fault", "interval": 2e-7, "point": [1e-3, 0.0, -3e-3]}],
-        "objective": [{**TRACE, "times": [1e-6, 1.5e-6, 1.9e-6], "data": {"slip_1": [1e-6, 2e-6, 3e-6]},
+        "objective": [{**SIGNAL, "times": [1e-6, 1.5e-6, 1.9e-6], "data": {"slip_1": [1e-6, 2e-6, 3e-6]},
                        "units": {"slip_1": "m"}}],
     }),
 }  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import RawMesh
@@ -37,6 +36,8 @@ def check_connections(raw: RawMesh, tied: Iterable[tuple[np.ndarray, np.ndarray]
     groups, of_cells = np.unique(group[raw.cells[:, 0]], return_inverse=True)
     if len(groups) == 1:
         return
+    from scipy.spatial import cKDTree  # cases are read without SciPy
+
     dim, corners = raw.points.shape[1], raw.points[raw.cells[:, : 2 ** raw.points.shape[1]]]
     near = COINCIDENT * np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).min()
     used = np.unique(raw.cells)

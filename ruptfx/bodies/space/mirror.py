@@ -32,13 +32,13 @@ def refuse_other_images(model: Discretisation) -> None:
     ------
     CaseError
     """
-    whole = "make the whole, without half or with two plates"
+    remedy = "make the whole, without half or with two plates"
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         key = f"materials.{name}.kind = '{material.kind()}'"
         if "antisymmetric" in model.bodies.one_sided.values() and material.has_memory() and not material.linear:
             raise CaseError(
                 f"{key}: yield and damage in the mirror image of a half model are other ones, as the image has the "
-                f"opposite stress beyond the initial one; {whole}"
+                f"opposite stress beyond the initial one; {remedy}"
             )
         if reversed_components(model):
             stiffness = tangent_stiffness(material, model.plane)
@@ -46,5 +46,5 @@ def refuse_other_images(model: Discretisation) -> None:
             if np.abs(stiffness[odd]).max() > COUPLED * np.abs(stiffness).max():
                 raise CaseError(
                     f"{key}: its stiffness is not the same in the mirror image of a half model, y to -y; turn its axes "
-                    f"along x and y, or {whole}"
+                    f"along x and y, or {remedy}"
                 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from ruptfx import RuptfxError
 from ruptfx.bodies.space.bodies import Bodies
@@ -173,6 +172,8 @@ class Nodes:
     def welded(self) -> np.ndarray:
         """Label of every body, the same for bodies that are welded, directly or through others; collective."""
         shared = parallel.total(self.comm, (self.touches.astype(float) @ self.touches.T).ravel())
+        from scipy.sparse.csgraph import connected_components  # cases are read without SciPy
+
         return np.asarray(connected_components(shared.reshape(len(self.touches), -1), directed=False)[1])
 
     @cached_property
