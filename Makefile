@@ -36,11 +36,15 @@ test: lint ## lint, tests of parts and contracts on 1 rank, the MPI tests on 2 r
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
+# All pairs of a demo and a transformation, some 900: python -m pytest -m slow with this file. `test` runs a selection.
+ALL_PAIRS := tests/contracts/test_invariances.py
+
 # Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
 verify: env ## exact solutions and other codes, kills and faults, files of 1 to 3 ranks, every key, and what takes minutes
 	timeout 1800 $(BIN)/python -m pytest $(FILES) tests/verification tests/faults tests/mpi
 	timeout 900 $(BIN)/python -m pytest $(TESTS) $(EVERY_KEY)
-	timeout 1200 $(BIN)/python -m pytest $(TESTS) -m slow tests --ignore=tests/contracts/test_bench_figures.py
+	timeout 1200 $(BIN)/python -m pytest $(TESTS) -m slow tests --ignore=tests/contracts/test_bench_figures.py \
+	    --ignore=$(ALL_PAIRS)
 
 # Code for other vectors, and other kernels of the BLAS, round otherwise. Verification for the oldest x86-64, and for AVX2
 # what iterates or chooses its steps; contracts run for the oldest x86-64 inside the image (tests/container). Left out: what
