@@ -138,7 +138,8 @@ def read_table(path: Path, is_named: bool = False) -> NumberTable:
     Raises
     ------
     ValueError
-        It cannot be read, has no rows, or lines with more or fewer cells than others or the header.
+        It cannot be read, has no rows (a named table may have none), or lines with more or fewer cells than others or
+        the header.
     """
     above: list[tuple[int, str]] = []
     lines: list[int] = []
@@ -166,7 +167,7 @@ def read_table(path: Path, is_named: bool = False) -> NumberTable:
             continue
         rows.append(words)
         lines.append(line)
-    if not rows:
+    if not rows and not (is_named and has_header):
         raise ValueError(_reason(path, above))
     return _aligned(NumberTable(path, lines, rows, []), above, separator)
 
@@ -185,9 +186,10 @@ def _aligned(table: NumberTable, above: Sequence[tuple[int, str]], separator: st
     ValueError
     """
     path, rows = table.path, table.rows
-    if separator and len(rows[0]) > 1 and all(not row[-1] for row in rows):  # a separator at the end of each line
+    # A separator at the end of each line.
+    if separator and rows and len(rows[0]) > 1 and all(not row[-1] for row in rows):
         rows = [row[:-1] for row in rows]
-    width = len(rows[0])
+    width = len(rows[0]) if rows else len(_words(above[-1][1], separator))
     hint = "are these decimal commas? Write decimal points" if separator == "," else "separate columns in one way"
     for line, row in zip(table.lines, rows, strict=True):
         if len(row) != width:

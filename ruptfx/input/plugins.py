@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn, Self
@@ -288,7 +289,6 @@ class CaseFile(Part):
     plugins: list[str] = []
     """Python files that define further kinds, relative to the case file. They run when the case is read."""
     _plugins: tuple[Plugin, ...] = PrivateAttr(())
-    _sums: Sums | None = PrivateAttr(None)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -370,12 +370,13 @@ class CaseFile(Part):
         """Return the resolved case as TOML text."""
         return tomli_w.dumps(self.table())
 
-    @property
+    @cached_property
     def sums(self) -> Sums:
-        """Size and sha256 of all files that a run of the case reads, as they were when this was first asked for."""
-        if self._sums is None:
-            self._sums = self.read_sums()
-        return self._sums
+        """Size and sha256 of all files that a run of the case reads, as they were when this was first asked for.
+
+        No private attribute, because cases with the same keys are equal.
+        """
+        return self.read_sums()
 
     def read_sums(self) -> Sums:
         """Return size and sha256 of these files as they are now."""
@@ -384,7 +385,7 @@ class CaseFile(Part):
 
     def set_sums(self, sums: Sums) -> None:
         """Set size and sha256 of these files, at the start of a run, on all ranks to those of one."""
-        self._sums = sums
+        self.__dict__["sums"] = sums
 
     @property
     def hash(self) -> str:

@@ -165,7 +165,7 @@ def test_exports_and_figures_agree(runs: tuple[Pair, Path], tmp_path: Path) -> N
         arguments = ["export", runs[1] / name, "--format", "csv", "--out", tmp_path / name]
         done = CliRunner().invoke(app, list(map(str, arguments)))
         assert done.exit_code == 0, done.output
-        exported[name] = {path.name: path for path in (tmp_path / name).iterdir()}
+        exported[name] = {path.name: path for path in (tmp_path / name).glob("*.csv")}
     assert set(exported["whole"]) == set(exported["half"]) != set()
     for name, path in exported["whole"].items():
         one, other = (

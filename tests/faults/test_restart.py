@@ -224,8 +224,8 @@ def test_checkpoint_of_another_case_is_refused(killed, case_file):
 def test_no_byte_of_a_checkpoint_can_change_unnoticed(killed):
     (killed / "summary.json").unlink(missing_ok=True)
     folder, chance = max((killed / "checkpoints").glob("step_*")), random.Random(0)
-    case_hash = json.loads((folder / "manifest.json").read_text())["case_hash"]
-    checkpoint._verified(folder, case_hash)
+    case = read_case(killed / "case.toml")
+    checkpoint._verified(folder, case)
     for path in sorted(folder.iterdir()):
         whole = path.read_bytes()
         for place in (0, len(whole) - 2, *(chance.randrange(len(whole)) for _ in range(8))):
@@ -233,12 +233,12 @@ def test_no_byte_of_a_checkpoint_can_change_unnoticed(killed):
             damaged[place] ^= 1 << chance.randrange(8)
             path.write_bytes(damaged)
             with pytest.raises(checkpoint.CheckpointError, match=r"damaged|does not match|belongs to"):
-                checkpoint._verified(folder, case_hash)
+                checkpoint._verified(folder, case)
         path.write_bytes(whole[: len(whole) // 2])
         with pytest.raises(checkpoint.CheckpointError):
-            checkpoint._verified(folder, case_hash)
+            checkpoint._verified(folder, case)
         path.write_bytes(whole)
-    checkpoint._verified(folder, case_hash)
+    checkpoint._verified(folder, case)
 
 
 @pytest.mark.faults

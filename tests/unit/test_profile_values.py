@@ -121,7 +121,7 @@ def test_files_of_tables_are_refused_by_line(tmp_path: Path, text: str, message:
 
 
 def test_files_of_tables_may_have_a_header_comments_and_a_signature(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_bytes(b"\xef\xbb\xbf0;1;note\r\n# half-way\r\n1;2\r\n")
+    (tmp_path / "t.csv").write_bytes(b"\xef\xbb\xbfposition;mu_d\r\n0;1\r\n# half-way\r\n1;2\r\n")
     law = Coulomb(mu_d={"kind": "table", "file": str(tmp_path / "t.csv")})
     assert law.mu_d.positions == [0.0, 1.0] and law.mu_d.values == [1.0, 2.0]
 

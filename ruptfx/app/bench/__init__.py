@@ -104,7 +104,7 @@ class Outcome:
 
 def checkout_folder() -> Path | None:
     """Return the folder of the other benchmarks if the package runs from a checkout, None if it is installed."""
-    checkout = CORE.parents[1]
+    checkout = CORE.parents[2]
     found = checkout / IN_A_CHECKOUT
     return found if found.is_dir() and (checkout / "pyproject.toml").is_file() else None
 

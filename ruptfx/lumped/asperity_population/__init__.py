@@ -43,7 +43,7 @@ class AsperityPopulation(LumpedModel):
     activation_force: Annotated[Positive, Unit("N")] = 0.5e-3
     """f_0: creep is r sinh(force / f_0)."""
     creep_rate: Annotated[Positive, Unit("m/s")] = 1e-18
-    """r."""
+    """Creep rate r."""
     height_scale: Length = 1e-6
     """Standard deviation of the heights, which are exponentially distributed."""
     tip_radius: Length = 10e-6

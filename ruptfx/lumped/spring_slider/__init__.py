@@ -54,7 +54,7 @@ class SpringSlider(LumpedModel):
     friction: AnyFriction = PMMA
     """A rate and state law."""
     normal_force: Annotated[Positive, Unit("N")] = 16.0
-    """W."""
+    """Normal force W."""
     stiffness: Annotated[Positive, Unit("N/m")] = 1e6
     """K of the spring."""
     mass: Annotated[NonNegative, Unit("kg")] = 0.0

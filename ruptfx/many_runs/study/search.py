@@ -154,12 +154,13 @@ def _study_of_best(study: Study, sets: Sequence[ScoredSet], directory: Path) -> 
     crossed = [axis for axis in study.axes if axis not in axes]
     grid = study.model_copy(update={
         "axes": [together, *crossed], "sampling": "grid", "samples": None, "search": None,
-        "case": os.path.relpath(study.case, directory),
-        "plugins": [os.path.relpath(path, directory) for path in study.plugins],
     })  # fmt: skip
     scores = ", ".join(f"B{number + 1} {one.score:.3f}" for number, one in enumerate(best))
     head = f"# The best sets of the search that differ, with their scores: {scores}.\n"
     table: Table = grid.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    table["case"] = os.path.relpath(study.case, directory)
+    if study.plugins:
+        table["plugins"] = [os.path.relpath(path, directory) for path in study.plugins]
     return head + tomli_w.dumps(table)
 
 
