@@ -186,3 +186,12 @@ def test_the_command_reads_a_run(tmp_path: Path) -> None:
     assert imread(tmp_path / "both.png").std() > 0.02
     refused = ruptfx("compare", tmp_path / "run", tmp_path / "m.csv", "--most-shift", "5 mm")
     assert refused.exit_code == 1 and "--most-shift 5 mm" in refused.output
+
+
+@pytest.mark.parametrize("end", [15 * 1e-6, 15 / 1e6, np.nextafter(15e-6, 1)])
+def test_a_sample_at_the_end_of_a_run_counts_whatever_its_rounding(end: float) -> None:
+    """The last of three samples is half of the computed one: misfit sqrt((1 - 0.5)^2 / (1 + 1 + 0.25))."""
+    computed_time = np.linspace(0.0, 15e-6, 151)
+    times = np.array([5e-6, 10e-6, end])
+    result = misfit(computed_time, np.ones(151), times, np.array([1.0, 1.0, 0.5]))
+    assert result.misfit == pytest.approx(1 / 3, rel=1e-12)

@@ -97,7 +97,8 @@ def test_stresses_of_cylinders_under_pressure() -> None:
     model, u, constants = cylinders()
     state, bulk = model.initial_state(), BulkFields(model)
     state.displacement[:] = u
-    stress, (points, _, _, body) = bulk.gather(state)["stress"], bulk.topology()
+    stress, topology = bulk.gather(state)["stress"], bulk.topology()
+    points, body = topology.points, topology.body
     plates = ModelReadings(model, bulk.initial_stress_at)
     assert list(plates.entries) == ["xx", "yy", "xy", "zz"] and stress.shape == (len(points), 4)
     for (name, (A, B)), at in zip(constants.items(), (1.3e-3, 3.1e-3), strict=True):

@@ -87,7 +87,7 @@ def leaves(name: str, value: Any, seen: dict[int, Any]) -> Iterator[tuple[str, A
         inner = [(str(number), item) for number, item in enumerate(value)]
     elif isinstance(value, MethodType):
         inner = [("self", value.__self__)]
-    elif isinstance(value, FunctionType) and value.__module__.startswith("ruptfx"):
+    elif isinstance(value, FunctionType) and (value.__module__ or "").startswith("ruptfx"):
         cells = zip(value.__code__.co_freevars, value.__closure__ or (), strict=True)
         inner = [(key, cell.cell_contents) for key, cell in cells]
     elif type(value).__module__.startswith("ruptfx") and not isinstance(value, type):

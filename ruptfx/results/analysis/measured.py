@@ -181,7 +181,10 @@ def misfit(
         The signals have no common time, or the measured one is zero.
     """
     first, last = max(computed_time[0], measured_time[0]), min(computed_time[-1], measured_time[-1])
-    inside = (measured_time >= first) & (measured_time <= last)
+    # A sample at the end of a run counts, although 15 us and 15 times 1e-6 s differ by rounding.
+    slack = 1e-9 * max(last - first, 0.0)
+    begin, end = computed_time[0] - slack, computed_time[-1] + slack
+    inside = (measured_time >= begin) & (measured_time <= end)
     if last <= first or inside.sum() < 2:
         raise RuptfxError(
             f"{what} have no two samples at common times: {measured_time[0]:.4g} to {measured_time[-1]:.4g} s "
@@ -196,7 +199,7 @@ def misfit(
     def both(shift: float, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Return the measured signal, and the computed one after a shift; empty if too few samples are left."""
         t, m = measured_time[::every] - shift, measured[::every]
-        there = (t >= computed_time[0]) & (t <= computed_time[-1])
+        there = (t >= begin) & (t <= end)
         if there.sum() * every < least or not m[there].any():
             there[:] = False
         return m[there], np.interp(t[there], computed_time, computed)
