@@ -108,15 +108,15 @@ def test_radiation_damping_along_the_axes() -> None:
 
 
 def test_radiation_damping_of_turned_axes() -> None:
-    """Slip would change the normal stress; between mirror images both changes cancel."""
+    """Slip would change the normal stress, and a half model of equal plates is none: the image has other axes."""
     turned = model({}, angle=0.6)
     with pytest.raises(CaseError, match=facts(r"radiation_damping: .*faults.main.* use kind = 'hybrid'")):
         radiation_impedance(turned, turned.faults[0])
-    half = model({"mesh.kind": "half_plate"}, angle=0.6)
+    with pytest.raises(CaseError, match=facts(r"materials\.upper\.kind = 'orthotropic'")):
+        model({"mesh.kind": "half_plate"}, angle=0.6)
+    half = model({"mesh.kind": "half_plate"})
     z = half.materials[0].impedance(np.array([0.0, 1.0]), "strain")
-    # Z^-1 and its mirror image have opposite entries beside the diagonal: 1 / (2 (Z^-1)_xx) remains.
-    expected = 0.5 * np.linalg.det(z) / z[1, 1]
-    np.testing.assert_allclose(radiation_impedance(half, half.faults[0]), expected, rtol=1e-12)
+    np.testing.assert_allclose(radiation_impedance(half, half.faults[0]), 0.5 * z[0, 0], rtol=1e-12)
 
 
 def test_radiation_of_welded_bodies_is_their_mean(tmp_path: Path) -> None:

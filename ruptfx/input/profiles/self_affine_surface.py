@@ -28,7 +28,7 @@ class SelfAffineSurface(SelfAffineField):
     )
 
     def _check_count(self) -> None:
-        if (self.length / self.shortest) ** 2 > MOST_WAVES:
+        if self.length / self.shortest > np.sqrt(MOST_WAVES):
             raise ValueError(
                 f"shortest = {self.shortest:g} m: {2 * (self.length / self.shortest) ** 2:.3g} waves in a square of "
                 f"length = {self.length:g} m; make it at least {self.length / np.sqrt(MOST_WAVES):.3g}"
