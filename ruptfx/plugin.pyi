@@ -1,5 +1,7 @@
 """Names of `ruptfx.plugin`, by the module that defines each; read by type checkers and by the module itself."""
 
+from ufl.core.expr import Expr as Expr
+
 from ruptfx import RuptfxError as RuptfxError
 from ruptfx.app.bench import Check as Check
 from ruptfx.app.commands._shared import reported as reported
@@ -33,8 +35,8 @@ from ruptfx.input.units import VaryingStress as VaryingStress
 from ruptfx.interfaces.attachments import Attached as Attached
 from ruptfx.interfaces.attachments import EdgeAttachment as EdgeAttachment
 from ruptfx.interfaces.attachments import EdgeNodes as EdgeNodes
+from ruptfx.interfaces.cracks import FacetModulus as FacetModulus
 from ruptfx.interfaces.cracks import Fracture as Fracture
-from ruptfx.interfaces.cracks import Modulus as FacetModulus
 from ruptfx.interfaces.mechanisms import Springs as Springs
 from ruptfx.interfaces.mechanisms.stepped_nodes import Kick as Kick
 from ruptfx.interfaces.mechanisms.system import System as System

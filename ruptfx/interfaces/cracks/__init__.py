@@ -36,7 +36,7 @@ class CrackLaws(Part):
     evolve when a facet yields."""
 
 
-Modulus = TypeVar("Modulus", float, np.ndarray)
+FacetModulus = TypeVar("FacetModulus", float, np.ndarray)
 """Young's modulus of a body [Pa]: one number, or one of every facet."""
 
 
@@ -105,7 +105,7 @@ class Fracture(Alternative):
         yield from ((f"fracture.pairs.{name}", laws) for name, laws in self.pairs.items())
         yield from ((f"fracture.joints.{name}", laws) for name, laws in self.joints.items())
 
-    def stiffness(self, modulus: Modulus, edge: float) -> Modulus:
+    def stiffness(self, modulus: FacetModulus, edge: float) -> FacetModulus:
         """Return the contribution of a body to the springs of its facets [Pa/m].
 
         The springs between two bodies have the mean compliance of both.
@@ -119,7 +119,7 @@ class Fracture(Alternative):
         """
         raise NotImplementedError
 
-    def spring_of_collisions(self, modulus: Modulus, edge: float) -> Modulus:
+    def spring_of_collisions(self, modulus: FacetModulus, edge: float) -> FacetModulus:
         """Return the stiffness of springs between cells to which that of collision contact refers [Pa/m].
 
         Parameters

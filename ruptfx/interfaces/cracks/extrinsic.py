@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from ruptfx.interfaces.cracks import Fracture, Modulus
+from ruptfx.interfaces.cracks import FacetModulus, Fracture
 from ruptfx.laws.materials import Material, Plane
 
 SPRINGS = 10.0  # as `stiffness_ratio` of intrinsic facets
@@ -31,10 +31,10 @@ class Extrinsic(Fracture):
     check_every: Annotated[int, Field(ge=1)] = 2
     """Steps between two checks of the strength of tied facets."""
 
-    def stiffness(self, modulus: Modulus, edge: float) -> Modulus:
+    def stiffness(self, modulus: FacetModulus, edge: float) -> FacetModulus:
         return inf * modulus
 
-    def spring_of_collisions(self, modulus: Modulus, edge: float) -> Modulus:
+    def spring_of_collisions(self, modulus: FacetModulus, edge: float) -> FacetModulus:
         return SPRINGS * modulus / edge
 
     def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:

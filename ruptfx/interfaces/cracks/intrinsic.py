@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from ruptfx.input.schema import CaseError, Unit
-from ruptfx.interfaces.cracks import Fracture, Modulus
+from ruptfx.interfaces.cracks import FacetModulus, Fracture
 from ruptfx.laws.materials import Material, Plane
 
 MOST = 0.5  # largest compliance of facets over that of the body
@@ -32,7 +32,7 @@ class Intrinsic(Fracture):
     compensate: bool = True
     """Whether stiffer cells compensate the compliance of the springs."""
 
-    def stiffness(self, modulus: Modulus, edge: float) -> Modulus:
+    def stiffness(self, modulus: FacetModulus, edge: float) -> FacetModulus:
         return self.stiffness_ratio * modulus / edge
 
     def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:
