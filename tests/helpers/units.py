@@ -27,14 +27,14 @@ PER_DEPTH = {"area": ("m", "m2"), "force": ("N/m", "N")}
 """Names whose unit is another one in three dimensions and around an axis."""
 
 
-def unit_of(name: str, whole: bool = False) -> str | None:
-    """Return the unit of a name, None for names of new kinds; `whole` bodies have no thickness."""
+def unit_of(name: str, whole: bool = False) -> str:
+    """Return the unit of a name; `whole` bodies have no thickness."""
     stem = COMPONENT.sub("", name)
     if stem in PER_DEPTH:
         return PER_DEPTH[stem][whole]
     known = [unit for unit, names in UNITS.items() if name in names.split() or stem in names.split()]
-    assert len(known) < 2, f"{name} has several units"
-    return known[0] if known else None
+    assert len(known) == 1, f"{name} is not in the table of units"
+    return known[0]
 
 
 def check_units(path: Path, whole: bool = False, but: tuple[str, ...] = ()) -> int:
@@ -57,8 +57,7 @@ def check_units(path: Path, whole: bool = False, but: tuple[str, ...] = ()) -> i
         if "_Netcdf4Dimid" in item.attrs and "long_name" not in item.attrs and "units" not in item.attrs:
             return  # a dimension without a coordinate
         names.append(last)
-        unit, expected = str(item.attrs["units"]), unit_of(last, whole)
-        assert unit == expected if expected is not None else unit, name
+        assert str(item.attrs["units"]) == unit_of(last, whole), name
 
     for file in sorted(path.glob("*.h5")):
         with h5py.File(file) as data:

@@ -28,9 +28,10 @@ class SelfAffineSurface(SelfAffineField):
     )
 
     def _check_count(self) -> None:
-        if self.length / self.shortest > np.sqrt(MOST_WAVES):
+        ratio = self.length / self.shortest
+        if ratio * ratio > MOST_WAVES:  # a product is infinite where a power of numbers raises an error
             raise ValueError(
-                f"shortest = {self.shortest:g} m: {2 * (self.length / self.shortest) ** 2:.3g} waves in a square of "
+                f"shortest = {self.shortest:g} m: {2 * ratio * ratio:.3g} waves in a square of "
                 f"length = {self.length:g} m; make it at least {self.length / np.sqrt(MOST_WAVES):.3g}"
             )
 
