@@ -138,7 +138,7 @@ def test_a_name_is_in_one_folder_only(tmp_path: Path) -> None:
 
 def test_a_checkout_is_known_by_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some packages install a folder `tests` beside others."""
-    monkeypatch.setattr(ruptfx.app.bench, "CORE", tmp_path / "ruptfx" / "bench")
+    monkeypatch.setattr(ruptfx.app.bench, "CORE", tmp_path / "ruptfx" / "app" / "bench")
     (tmp_path / "tests" / "benchmarks").mkdir(parents=True)
     assert checkout_folder() is None
     (tmp_path / "pyproject.toml").touch()

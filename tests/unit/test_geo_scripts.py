@@ -179,7 +179,7 @@ def test_sigterm_ends_gmsh_and_removes_its_folder(tmp_path: Path) -> None:
     pytest.importorskip("gmsh")
     pytest.importorskip("meshio")
     slow = tmp_path / "slow.geo"
-    slow.write_text(PLATES.replace("h = 2e-3;", "h = 2e-3; For k In {1:1000000000} x = k; EndFor"))
+    slow.write_text(PLATES.replace("h = 2e-3;", "h = 2e-3;\nFor k In {1:1000000000}\n  x = k;\nEndFor"))
     code = (
         "import sys; from ruptfx.bodies.meshes.gmsh_file import GmshFile\n"
         f"try: GmshFile(file={str(slow)!r}).build()\n"

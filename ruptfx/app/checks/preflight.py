@@ -60,7 +60,7 @@ def preflight(case: Case) -> Iterator[Row]:
         note = f"without effect, for every body has its own: {', '.join(own)}; remove it"
         yield Row("materials.default", case.materials["default"].kind(), "", note, "warning")
     if case.plane in ("stress", "strain"):
-        yield from (_pairing(model, fault) for fault in model.faults if fault.interface.other_side != "rigid")
+        yield from (_pairing(model, fault) for fault in model.faults if fault.interface.elastic_sides)
     stable = stable_time_step(model)
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
     steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))

@@ -130,6 +130,11 @@ class Interface:
         return self.other_side != "meshed"
 
     @property
+    def elastic_sides(self) -> bool:
+        """True if both sides deform: meshed ones, and the mirror image of a half model."""
+        return self.other_side != "rigid"
+
+    @property
     def jump_factor(self) -> np.ndarray:
         """Jump over displacement of the plus side where it has no meshed partner, shape (local,).
 

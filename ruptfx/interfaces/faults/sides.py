@@ -87,7 +87,7 @@ def sides_of(model: Discretisation, face: Interface) -> Sides:
         moduli.append(values[:, : tangents**2].reshape(-1, tangents, tangents))
         along.append(values[:, -5:-2])
         across.append(values[:, -2:])
-    if face.other_side == "rigid":
+    if not face.elastic_sides:
         moduli[1] = np.full_like(moduli[1], np.inf)
     names, slowness = model.bodies.names, sides[0].slowness + sides[1].slowness
     slowness = parallel.total(model.comm, slowness.ravel().tolist()).reshape(-1, 3)

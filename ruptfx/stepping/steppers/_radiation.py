@@ -30,7 +30,7 @@ def radiation_impedance(model: Discretisation, fault: Fault) -> np.ndarray:
     """
     face = fault.interface
     plus = _side(model, fault, "plus")
-    if face.other_side == "rigid":
+    if not face.elastic_sides:
         both = plus
     else:
         if face.one_sided:  # the mirror image
