@@ -10,20 +10,19 @@
 
 # %%
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 from matplotlib.colors import LogNorm
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.results.analysis.fibre import ShearLag
 from ruptfx.results.figure_style import RATE_MAP, STEADY, STICK_SLIP, letter, new_figure, styled
 
 CASE = Path(__file__).with_name("fibre_pull_out.toml")
 SHORT, LONG = 15e-3, 30e-3  # m
 SWEPT = (SHORT, 18e-3, 21e-3, 24e-3, 27e-3, LONG)
-out = Path(mkdtemp(prefix="fibre_pull_out_"))
+out = Path("runs/fibre_pull_out")
 begin(out)
 
 # %% [markdown]
@@ -44,7 +43,7 @@ records = {}
 for length in SWEPT:
     slow = ["duration=30.0", "output.figures=false", "damping={}", f"mesh.length={length}",
             'stepper={kind="quasi_static",rate_tolerance=0.2,radiation_damping=true}']  # fmt: skip
-    records[length] = simulate(read_case(CASE, overrides=slow), out / f"{1e3 * length:.0f} mm")
+    records[length] = simulate(read_case(CASE, overrides=slow), out / f"{1e3 * length:.0f} mm", overwrite=True)
 
 
 def swing(record):
@@ -87,5 +86,4 @@ def picture():
     return figure
 
 
-picture().savefig(out / "fibre_pull_out.png", dpi=200)
-print(f"figure in {out}")
+save(picture(), out / "fibre_pull_out.png")

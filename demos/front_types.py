@@ -10,12 +10,11 @@
 
 # %%
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.results.analysis.front import local_speed
 from ruptfx.results.figure_style import GUIDE, letter, new_figure, remark, styled
 
@@ -23,7 +22,7 @@ CASE = Path(__file__).with_name("front_types.toml")
 EVEN = (1.6e6, 1.65e6, 1.7e6, 1.75e6, 1.8e6, 1.9e6, 2.0e6, 2.15e6)  # shear stress under 5 MPa [Pa]
 UNEVEN = {"falls": (1.8e6, [5.6e6, 4.4e6]), "rises": (1.8e6, [4.4e6, 5.6e6])}
 BEGIN, END, WIDTH = 40e-3, 180e-3, 30e-3  # m: where the front is timed, and over which length
-out = Path(mkdtemp(prefix="front_types_"))
+out = Path("runs/front_types")
 begin(out)
 
 
@@ -33,7 +32,7 @@ def timed(name, shear, normal, size=2e-3):
     table = {"kind": "table", "positions": [0.0, 0.2], "values": normal}
     for key, value in {"initial_stress.normal": table, "initial_stress.shear": shear}.items():
         case = case.changed(f"faults.main.{key}", value)
-    record = simulate(case.changed("mesh.element_size", size), out / name)
+    record = simulate(case.changed("mesh.element_size", size), out / name, overwrite=True)
     data = record.interface
     x, arrival = data.position.values, data.rupture_time.values
     speed = local_speed(x, arrival, WIDTH)
@@ -82,5 +81,4 @@ def picture():
     return figure
 
 
-picture().savefig(out / "front_types.png", dpi=200)
-print(f"figure in {out}")
+save(picture(), out / "front_types.png")

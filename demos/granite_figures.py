@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ruptfx import Record, read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.many_runs.study import read_csv
 from ruptfx.results.analysis.compression import MODES, emission_of, loading
 from ruptfx.results.analysis.emission import rose
@@ -83,7 +83,7 @@ def maps():
     return figure
 
 
-maps().savefig(OUT / "granite_maps.png", dpi=120)
+save(maps(), OUT / "granite_maps.png")
 
 
 # %% [markdown]
@@ -117,7 +117,7 @@ def roses():
     return figure
 
 
-roses().savefig(OUT / "granite_roses.png", dpi=150)
+save(roses(), OUT / "granite_roses.png")
 
 
 # %% [markdown]
@@ -162,7 +162,7 @@ def boundaries():
     return figure
 
 
-boundaries().savefig(OUT / "granite_boundaries.png", dpi=150)
+save(boundaries(), OUT / "granite_boundaries.png")
 
 
 # %% [markdown]
@@ -207,4 +207,4 @@ def windows(record):
     return figure
 
 
-windows(late).savefig(OUT / "granite_windows.png", dpi=150)
+save(windows(late), OUT / "granite_windows.png")

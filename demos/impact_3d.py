@@ -11,17 +11,16 @@
 # %%
 import sys
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 
 from ruptfx import simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.case import parse_case, read_toml
 from ruptfx.results.figure_style import letter, new_figure, remark, styled
 
 GAUGES = (20e-3, 60e-3)  # m, from the driven edge
-out = Path(mkdtemp(prefix="impact_3d_"))
+out = Path("runs/impact_3d")
 begin(out)
 solid = read_toml(Path(__file__).with_name("impact_3d.toml"))
 if len(sys.argv) > 1:
@@ -38,7 +37,7 @@ def section(plane):
 
 
 cases = {"stress": section("stress"), "strain": section("strain"), "solid": solid}
-runs = {name: simulate(parse_case(table), out / name) for name, table in cases.items()}
+runs = {name: simulate(parse_case(table), out / name, overwrite=True) for name, table in cases.items()}
 
 # %% [markdown]
 # The surface as arrays over position and z, and both lines of it that experiments see: the middle and the face.
@@ -121,5 +120,4 @@ def picture():
     return figure
 
 
-picture().savefig(out / "impact_3d.png", dpi=200)
-print(f"figure in {out}")
+save(picture(), out / "impact_3d.png")

@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ruptfx import Record, read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.many_runs.study import mode_map
 from ruptfx.results.analysis.photoelasticity import fringe_order, intensity
 from ruptfx.results.analysis.raster import Raster
@@ -78,8 +78,8 @@ for name in ("mode_map", "mode_map_best"):
     else:
         print(f"studies/{name}: missing; first run: ruptfx study demos/{name}.toml --out studies/{name}")
 if maps:
-    mode_map.draw_modes(maps).savefig(OUT / "modes.png", dpi=170)
-    tip_speeds(maps[0].rows).savefig(OUT / "tip_speed.png", dpi=170)
+    save(mode_map.draw_modes(maps), OUT / "modes.png")
+    save(tip_speeds(maps[0].rows), OUT / "tip_speed.png")
 
 # %% [markdown]
 # Slip (lines) and displacement jump (dashes) every 10 us, set P1. The jump is the slip and the elastic stretch of the
@@ -110,7 +110,7 @@ def slip_and_jump(records):
 
 
 records = {name: run(f"case_{name}", *loading) for name, loading in LOADINGS.items()}
-slip_and_jump(records).savefig(OUT / "slip_and_jump.png", dpi=170)
+save(slip_and_jump(records), OUT / "slip_and_jump.png")
 
 # %% [markdown]
 # The fringes. The front in the upper plate runs at c_l and is the same in both: it comes from the impact. Where the
@@ -142,5 +142,4 @@ def fringes(pair):
 early = ["duration=17e-6", "output.bulk_interval=1e-6"]
 stuck = 'faults.main.friction={kind="coulomb", mu_d=1e3}'
 pair = {"no sliding": run("stuck", 10e6, 5.0, *early, stuck), "sliding, set P1": run("sliding", 10e6, 5.0, *early)}
-fringes(pair).savefig(OUT / "fringes.png", dpi=170)
-print(f"pictures: {', '.join(sorted(path.name for path in OUT.glob('*.png')))} in {OUT}")
+save(fringes(pair), OUT / "fringes.png")

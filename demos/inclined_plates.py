@@ -12,18 +12,17 @@
 
 # %%
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.results.figure_style import RATE_MAP, letter, new_figure, remark, styled
 
 CASE = Path(__file__).with_name("inclined_plates.toml")
 ANGLES, PRESSURES = (20, 25, 30), (6e6, 10e6, 15e6)  # degrees, Pa
 AWAY = 20e-3  # m, of the velocimeters from the middle
-out = Path(mkdtemp(prefix="inclined_plates_"))
+out = Path("runs/inclined_plates")
 begin(out)
 
 
@@ -40,7 +39,7 @@ def run(angle, pressure=10e6, size=2.5e-3):
         **{f"instruments.0.{name}": value for name, value in pair.items()},
     }.items():
         case = case.changed(key, value)
-    return simulate(case, out / f"{angle}_{pressure / 1e6:.0f}_{size * 1e3:g}")
+    return simulate(case, out / f"{angle}_{pressure / 1e6:.0f}_{size * 1e3:g}", overwrite=True)
 
 
 def passage(record):
@@ -102,5 +101,4 @@ def picture():
     return figure
 
 
-picture().savefig(out / "inclined_plates.png", dpi=200)
-print(f"figure in {out}")
+save(picture(), out / "inclined_plates.png")

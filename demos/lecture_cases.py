@@ -1,39 +1,38 @@
 # %% [markdown]
 # # Four sliding modes, two sets of constants
 #
-# The published study of shear impact shows four modes at four loadings (compression, impact speed). Its interface
-# constants are not public. Here the four loadings run with two sets of constants, P1 and P2, and a table says which
-# mode comes out: nothing is tuned per case.
+# A study of shear impact (Coker, Lykotrafitis, Needleman and Rosakis, J. Mech. Phys. Solids 53, 2005; preprint arXiv
+# physics/0406119) shows four modes at four loadings (compression, impact speed). Of the preprint only the abstract
+# could be read here; it says that modes depend on "the impact velocity, the initial compressive stress and the values
+# of interface variables". One set of constants for all four modes may therefore never have been claimed. Here the
+# four loadings run with two sets of our own choice, P1 and P2, and a table says which mode comes out.
 #
-# `python demos/lecture_cases.py` (or under `mpirun -n 2`) takes about a minute and leaves one run directory per case in
-# `runs/lecture`, the table `runs/lecture/table.md` and one picture of all eight.
+# Loadings and sets are those of `mode_map.toml`. If you have the paper, add its constants there as a further set:
+# this script and `ruptfx study mode_map.toml` both run it.
+#
+# `python demos/lecture_cases.py` (or under `mpirun -n 2`) takes about a minute and leaves one run directory per case
+# in `runs/lecture`, the table `runs/lecture/table.md` and one picture of all cases.
 
 # %%
+import tomllib
 from pathlib import Path
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 
-LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}
+HERE, OUT = Path(__file__).parent, Path("runs/lecture")
+STUDY = tomllib.loads((HERE / "mode_map.toml").read_text())
+*LOADS, CONSTANTS = STUDY["axes"]
+SETS = dict(zip(CONSTANTS["labels"], CONSTANTS["values"], strict=True))
+LOADINGS = {mark["label"]: mark["point"] for mark in STUDY["marks"]}
 PUBLISHED = {"I": "crack", "II": "pulse", "III": "train of pulses", "IV": "pulses into a crack"}
-SETS = {
-    "P1": {"mu_d": 0.4, "V_1": 29.0, "L_0": 10e-6, "theta_0_initial": 10e-6 / 0.05, "L_p": 40e-6},
-    "P2": {"mu_d": 0.1, "V_1": 0.5, "L_0": 2e-6, "theta_0_initial": 2e-6 / 0.05, "L_p": 100e-6},
-}
-OUT = Path("runs/lecture")
 begin(OUT)
 
 
 def overrides(loading, constants):
     """The keys of `impact.toml` that change from case to case."""
-    sigma, speed = loading
-    law = {key: value for key, value in constants.items() if key != "L_p"}
-    return [
-        f"faults.main.initial_stress.normal={sigma}",
-        f"boundaries.0.velocity={speed}",
-        f"faults.main.friction.L_p={constants['L_p']}",
-        *(f"faults.main.friction.law.{key}={value}" for key, value in law.items()),
-    ]
+    keys = [axis["key"] for axis in LOADS] + CONSTANTS["key"]
+    return [f"{key}={value}" for key, value in zip(keys, [*loading, *constants], strict=True)]
 
 
 # %% [markdown]
@@ -47,7 +46,7 @@ for set_name, constants in SETS.items():
     for case_name, loading in LOADINGS.items():
         path = OUT / f"{set_name}_{case_name}"
         title = f'title="Case {case_name}, set {set_name}: {loading[0] / 1e6:g} MPa, {loading[1]:g} m/s"'
-        case = read_case(Path(__file__).with_name("impact.toml"), [title, *overrides(loading, constants)])
+        case = read_case(HERE / STUDY["case"], [title, *overrides(loading, constants)])
         done = (path / "summary.json").exists()
         records[set_name, case_name] = Record(path) if done else simulate(case, path, overwrite=True)
 
@@ -56,7 +55,7 @@ for set_name, constants in SETS.items():
 
 # %%
 lines = [
-    "| set | case | Sigma_0, V_imp | published | found | half threshold | tip / c_l | peak slip rate | closure |",
+    "| set | case | Sigma_0, V_imp | published | computed | half threshold | tip / c_l | peak slip rate | closure |",
     "|---|---|---|---|---|---|---|---|---|",
 ]
 for (set_name, case_name), record in records.items():
@@ -80,7 +79,10 @@ if fem.MPI.COMM_WORLD.rank == 0:
 
     (OUT / "table.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
-    figure, axes = plt.subplots(2, 4, figsize=(12, 6), sharex=True, sharey=True, layout="constrained")
+    rows, columns = len(SETS), len(LOADINGS)
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(12, 3 * rows), sharex=True, sharey=True, layout="constrained", squeeze=False
+    )
     for axis, ((set_name, case_name), record) in zip(axes.flat, records.items(), strict=True):
         data, (sigma, speed) = record.interface, LOADINGS[case_name]
         picture = axis.pcolormesh(
@@ -93,5 +95,4 @@ if fem.MPI.COMM_WORLD.rank == 0:
     for axis in axes[:, 0]:
         axis.set_ylabel("time (µs)")
     figure.colorbar(picture, ax=axes, label="slip rate / impact speed", extend="both")
-    figure.savefig(OUT / "modes.png", dpi=150)
-    print(f"picture: {OUT / 'modes.png'}")
+    save(figure, OUT / "modes.png")

@@ -14,7 +14,6 @@
 
 # %%
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 
@@ -23,10 +22,10 @@ from ruptfx.app.script import begin
 from ruptfx.lumped import simulate
 from ruptfx.lumped.maxwell_slip import MaxwellSlip
 
-out = Path(mkdtemp(prefix="maxwell_slip_"))
-begin(out)
+out = Path("runs/maxwell_slip")
+begin(out, ranks=False)
 model = read_case(Path(__file__).with_name("maxwell_slip.toml"))
-data = simulate(model, out / "sweep")
+data = simulate(model, out / "sweep", overwrite=True)
 
 # %% [markdown]
 # `figures/friction_histories.png` shows the six histories over the raster of slipping blocks: vertical lines where

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.results.analysis.contact_light import contact_light
 from ruptfx.results.analysis.polariscope import Camera, fringe_orders, max_shear
 from ruptfx.results.figure_style import letter, new_figure, styled
@@ -92,6 +92,6 @@ def picture():
 
 
 Path("runs/optical_methods/figures").mkdir(exist_ok=True)
-picture().savefig("runs/optical_methods/figures/optics.png", dpi=200)
+save(picture(), "runs/optical_methods/figures/optics.png")
 print(f"fringe orders up to {float(orders.max()):.3g}, largest shear stress {float(shear.max()):.3g} MPa")
 print(f"contact area from {100 * float(area.min()):.3g} to {100 * float(area.max()):.3g} %")

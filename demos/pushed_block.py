@@ -14,12 +14,11 @@
 
 # %%
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.lumped.spring_block import SpringBlock
 from ruptfx.results.analysis.slip_events import slip_events, speed_against_ratio
 from ruptfx.results.figure_style import GUIDE, letter, new_figure, remark, styled
@@ -33,14 +32,14 @@ LOADS = {
     "even": [], "falls": [NORMAL.format(LENGTH, [7e6, 3e6])], "rises": [NORMAL.format(LENGTH, [3e6, 7e6])],
 }  # fmt: skip
 COLOURS = {"even": "black", "falls": "#b5382a", "rises": "#2a6099", "pushed": "#3a8a3a"}
-out = Path(mkdtemp(prefix="pushed_block_"))
+out = Path("runs/pushed_block")
 begin(out)
 
 
 def loaded(name, demo, *changes):
     """Record of the interface of a run, and its slip events."""
     case = read_case(HERE / f"{demo}.toml", overrides=[*changes, "output.figures=false"])
-    data = simulate(case, out / name).interface.load()
+    data = simulate(case, out / name, overwrite=True).interface.load()
     return data, slip_events(data, case.output.rupture_threshold)
 
 
@@ -104,5 +103,4 @@ def picture():
     return figure
 
 
-picture().savefig(out / "pushed_block.png", dpi=200)
-print(f"figure in {out}")
+save(picture(), out / "pushed_block.png")

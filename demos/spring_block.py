@@ -12,17 +12,16 @@
 
 # %%
 from pathlib import Path
-from tempfile import mkdtemp
 
 from ruptfx import read_case
 from ruptfx.app.script import begin
 from ruptfx.lumped import simulate
 
-out = Path(mkdtemp(prefix="spring_block_"))
-begin(out)
+out = Path("runs/spring_block")
+begin(out, ranks=False)
 case = Path(__file__).with_name("spring_block.toml")
-soft = simulate(read_case(case), out / "soft")
-stiff = simulate(read_case(case, ["interface_ratio=50"]), out / "stiff")
+soft = simulate(read_case(case), out / "soft", overwrite=True)
+stiff = simulate(read_case(case, ["interface_ratio=50"]), out / "stiff", overwrite=True)
 
 # %% [markdown]
 # `figures/onset_of_sliding.png` has the force on the pushed edge, the compression inside the slider, the detached
@@ -54,6 +53,6 @@ for name, data in (("soft", soft), ("stiff", stiff)):
 # %%
 for changes in ([], ["ageing=0.05", "ageing_time=0.1"], ["loading_height=0.01"]):
     name = "_".join(changes).replace("=", "_") or "plain"
-    data = simulate(read_case(case, [*changes, "large_events=1"]), out / name)
+    data = simulate(read_case(case, [*changes, "large_events=1"]), out / name, overwrite=True)
     print(f"{name:<26} slides at {float(data.event_force[data.event_large.astype(bool)][0]):.0f} N")
 print(f"figures in {out}")

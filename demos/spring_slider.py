@@ -11,7 +11,6 @@
 
 # %%
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 
@@ -19,14 +18,15 @@ from ruptfx.app.script import begin
 from ruptfx.case import parse_case
 from ruptfx.lumped import simulate
 
-out = Path(mkdtemp(prefix="spring_slider_"))
-begin(out)
+out = Path("runs/spring_slider")
+begin(out, ranks=False)
 pmma = {"kind": "rate_and_state_ageing", "a": 0.013, "b": 0.026, "D_c": 0.42e-6, "f_0": 0.36, "V_0": 1e-6}
 base = {"kind": "spring_slider", "normal_force": 16.0, "stiffness": 1e6, "friction": pmma}
 
 
-def run(name, **changes):
-    return simulate(parse_case({**base, "experiment": {"kind": name}, **changes}), out / name)
+def run(name, folder=None, **changes):
+    case = parse_case({**base, "experiment": {"kind": name}, **changes})
+    return simulate(case, out / (folder or name), overwrite=True)
 
 
 # %% [markdown]
@@ -72,12 +72,18 @@ error = float(np.abs(diagram.k_c_simulated - diagram.k_c_linear).max() / diagram
 print(f"boundary: simulation within {error:.2f} cells of the linear analysis")
 
 # %% [markdown]
-# With a mass to end the slips, the oscillation can be followed beyond K_c, from nearly sinusoidal to stick-slip.
+# With a mass to end the slips, the oscillation can be followed beyond K_c. With the ageing law its amplitude jumps at
+# K_c; with the saturating law it grows from zero with the square root of 1 - K / K_c, as Baumberger and others (2001)
+# measured.
 
 # %%
-cycles = run("bifurcation", mass=1.63, experiment={"kind": "bifurcation", "ratios": [0.6, 0.8, 0.9, 0.97, 1.02]})
-for ratio, amplitude in zip(cycles.ratio.values, cycles.amplitude.values, strict=True):
-    print(f"K / K_c = {ratio:<5g} peak-to-peak friction {amplitude:.4f}")
+ratios = [0.8, 0.9, 0.95, 0.98, 1.02]
+for law in (pmma, {**pmma, "kind": "rate_and_state_saturating", "theta_c": 0.1}):
+    experiment = {"kind": "bifurcation", "ratios": ratios}
+    cycles = run("bifurcation", f"bifurcation_{law['kind']}", mass=1.63, friction=law, experiment=experiment)
+    for ratio, amplitude in zip(cycles.ratio.values, cycles.amplitude.values, strict=True):
+        over = amplitude / np.sqrt(1 - ratio) if ratio < 1 else np.nan
+        print(f"{law['kind']}, K / K_c = {ratio:<5g} peak-to-peak friction {amplitude:.4f}, over root {over:.4f}")
 
 # %% [markdown]
 # ## A trembling normal load
@@ -97,7 +103,8 @@ for eps, change, K_c in zip(load.eps.values, load.mean_change.values, load.K_c_l
 
 # %%
 fine = simulate(
-    parse_case({**base, "experiment": {"kind": "velocity_steps", "distance": 5e-6, "samples": 200}}), out / "trace"
+    parse_case({**base, "experiment": {"kind": "velocity_steps", "distance": 5e-6, "samples": 200}}), out / "trace",
+    overwrite=True,
 )
 # The first sample of a segment repeats the time of the last of the one before.
 keep = np.append(np.diff(fine.time.values) > 0, True)

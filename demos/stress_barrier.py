@@ -11,7 +11,7 @@
 # %%
 from ruptfx import simulate
 from ruptfx.app.bench.stress_barrier import Front, medium, one_tip, predicted, two_tips
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.results.figure_style import letter, new_figure, style
 
 begin("runs/stress_barrier_one_tip", "runs/stress_barrier")
@@ -56,4 +56,4 @@ with style():
     handles, labels = axes[1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
     letter(axes)
-    figure.savefig(figures / "front.png", dpi=200)
+    save(figure, figures / "front.png")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -296,12 +295,11 @@ class Command:
 
     def run(self, directory: Path) -> None:
         """Run it and keep its pictures."""
-        environment = {**os.environ, "TMPDIR": str(directory)}  # scripts draw into directories made by tempfile
         for command in (*self.before, self.command):
             first, *words = command.split()
             program = [str(DEMOS / first)] if first.endswith(".py") else ["-m", "ruptfx", first]
             words = [str(DEMOS.parent / word) if word.startswith("demos/") else word for word in words]
-            subprocess.run([sys.executable, *program, *words], cwd=directory, env=environment, check=True)
+            subprocess.run([sys.executable, *program, *words], cwd=directory, check=True)
         for name, left in self.pictures.items():
             (found,) = directory.rglob(file_of(left))
             path = self.folder / file_of(name)

@@ -1,4 +1,4 @@
-"""Start of a script that runs cases: check of its outputs, and errors in one line."""
+"""What scripts that run cases begin and end with: check of outputs, one voice for all ranks, errors in one line."""
 
 from __future__ import annotations
 
@@ -6,18 +6,27 @@ import os
 import sys
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from ruptfx import RuptfxError
+from ruptfx.platform.launch import is_first_rank
 from ruptfx.results import directories
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def begin(*outputs: str | Path) -> None:
+
+def begin(*outputs: str | Path, ranks: bool = True) -> None:
     """Check that outputs can be written before any computation, and show errors of ruptfx without traceback.
+
+    Under `mpirun` only the first rank prints.
 
     Parameters
     ----------
     outputs : str or Path
         Run directories, whose runs will be replaced with `overwrite=True`, and files or folders of results.
+    ranks : bool
+        False if the script has no use for more than one rank, as lumped models: the others end here.
 
     Raises
     ------
@@ -25,12 +34,31 @@ def begin(*outputs: str | Path) -> None:
         If an output is not writable, or contains files other than a run.
     """
     sys.excepthook = _shown
+    if not is_first_rank():
+        if not ranks:
+            raise SystemExit(0)
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end of the process
     for path in map(Path, outputs):
         there = next(place for place in (path, *path.absolute().parents) if place.exists())
         if not os.access(there, os.W_OK) or not (there.is_dir() or there == path):
             raise RuptfxError(f"{path}: cannot be written ({there}); run the script in another directory")
         if (path / "case.toml").exists():
             directories.check_replaceable(path)
+
+
+def save(figure: Figure, path: str | Path) -> None:
+    """Write a figure on the first rank, and say where it is.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : str or Path
+        Its folder is made if it is missing.
+    """
+    if is_first_rank():
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=200)
+        print(f"picture: {path}")
 
 
 def _shown(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

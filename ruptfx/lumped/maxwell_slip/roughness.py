@@ -29,7 +29,7 @@ class ContactLayer(Part):
     shear_modulus: Modulus = 1.1e9
     """Shear modulus of the sheared layer."""
     pressure: Pressure = 2.67e6
-    """Nominal pressure p [Pa]; the contacts carry p / f."""
+    """Nominal pressure p [Pa]; the contacts carry p / f. The default is fitted: it gives the published critical R_a."""
     contact_fraction_min: Share = 0.011
     """Smallest real-contact fraction."""
     contact_fraction_max: Share = 0.015
