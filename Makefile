@@ -1,7 +1,8 @@
 # Everything runs in .venv, which `env` makes; no step needs anything but a Python 3.12 or newer and a C compiler.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help env demo test verify test-portable lint docs docs-test bench docker clean pictures
+.PHONY: help env demo test parts ranks verify verified every-key slow test-portable durations lint docs docs-test bench docker \
+    clean pictures
 
 BIN := .venv/bin
 # One thread per rank; Open MPI: as many ranks as asked for, as any user.
@@ -25,37 +26,51 @@ lint: env ## style, types, import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-# Two processes, each with whole files: some need a minute for what their tests share.
+# Options of pytest: here what all suites share, in pyproject.toml what every run of pytest has. Two processes, each with
+# whole files: some need a minute for what their tests share. Reports: durations by test, which `make durations` shows.
+REPORT = --junit-xml=.ci/reports/$@.xml
+FILES = -n 2 --dist loadfile $(REPORT)
+TESTS = -n 2 --dist load $(REPORT)
 EVERY_KEY := tests/contracts/test_every_key.py
-FILES := -n 2 --dist loadfile --durations=40 --durations-min=3
-TESTS := -n 2 --dist load --durations=40 --durations-min=3
-test: lint ## lint, tests of parts and contracts on 1 rank, the MPI tests on 2 ranks, the demo at small size
-	timeout 1500 $(BIN)/python -m pytest $(FILES) tests/unit tests/contracts tests/docs --ignore=$(EVERY_KEY)
-	timeout 900 "$$($(BIN)/python -c 'from ruptfx.platform.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
-	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
-	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
-	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
-
 # All pairs of a demo and a transformation, some 900: python -m pytest -m slow with this file. `test` runs a selection.
 ALL_PAIRS := tests/contracts/test_invariances.py
 
-# Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
-verify: env ## exact solutions and other codes, kills and faults, files of 1 to 3 ranks, every key, and what takes minutes
-	timeout 1800 $(BIN)/python -m pytest $(FILES) tests/verification tests/faults tests/mpi
-	timeout 900 $(BIN)/python -m pytest $(TESTS) $(EVERY_KEY)
-	timeout 1200 $(BIN)/python -m pytest $(TESTS) -m slow tests --ignore=tests/contracts/test_bench_figures.py \
-	    --ignore=$(ALL_PAIRS)
+test: env ## lint, tests of parts and contracts on 1 rank, the MPI tests on 2 ranks, the demo at small size
+	@$(MAKE) --no-print-directory -j 2 lint parts
+	@$(MAKE) --no-print-directory ranks
 
-# Code for other vectors, and other kernels of the BLAS, round otherwise. Verification for the oldest x86-64, and for AVX2
-# what iterates or chooses its steps; contracts run for the oldest x86-64 inside the image (tests/container). Left out: what
-# draws pictures.
-ITERATING := $(addprefix tests/,contracts/test_friction.py contracts/test_implicit_contact.py verification/test_condensed.py \
-    verification/test_implicit_steps.py verification/test_quasi_dynamic.py verification/test_radiation_damping.py \
-    verification/test_sliding_implicit.py)
-test-portable: env ## verification with code for other processors
-	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell timeout 1200 $(BIN)/python -m pytest $(FILES) tests/verification \
-	    --ignore=tests/verification/test_mode_map_page.py
-	RUPTFX_MARCH=x86-64-v3 timeout 600 $(BIN)/python -m pytest -n 2 --dist loadfile $(ITERATING)
+parts: env
+	$(BIN)/python -m pytest $(FILES) tests/unit tests/contracts tests/docs --ignore=$(EVERY_KEY)
+
+ranks: env
+	"$$($(BIN)/python -c 'from ruptfx.platform.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
+	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
+	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
+	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
+
+# Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
+verify: verified every-key slow ## exact solutions, other codes, kills and faults, 1 to 3 ranks, every key, and what takes minutes
+
+verified: env
+	$(BIN)/python -m pytest $(FILES) tests/verification tests/faults tests/mpi
+
+every-key: env
+	$(BIN)/python -m pytest $(TESTS) $(EVERY_KEY)
+
+slow: env
+	$(BIN)/python -m pytest $(TESTS) -m slow tests --ignore=tests/contracts/test_bench_figures.py --ignore=$(ALL_PAIRS)
+
+# Code for other vectors, and other kernels of the BLAS, round otherwise. That reaches a result only where an error or a
+# residual decides: in what iterates or chooses its steps. This runs for the oldest x86-64, whose code is farthest from that
+# of this machine; code for AVX2 lies between both. Other solutions are compared with bounds far above rounding. Contracts
+# run for the oldest x86-64 inside the image (tests/container).
+ITERATING := $(patsubst %,tests/verification/test_%.py,condensed implicit_steps memory_implicit quasi_dynamic \
+    quasi_dynamic_laws radiation_damping slow sliding_implicit)
+test-portable: env ## what iterates or chooses its steps, with code for the oldest processors
+	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest $(FILES) $(ITERATING)
+
+durations: ## durations of the last tests by file, in wall-clock and CPU time, and the slowest tests
+	@$(BIN)/python .ci/durations
 
 docs: env ## build the site in docs/_build/html, offline
 	@echo "Building the site ..."
@@ -64,7 +79,7 @@ docs: env ## build the site in docs/_build/html, offline
 
 # Every page runs in a directory of its own. Tests of the site share one built site and hence one process.
 docs-test: env ## run the code blocks of all pages, and open every page of the site in a browser
-	timeout 840 $(BIN)/python -m pytest -m docs -n 2 --dist loadgroup --durations=20 --durations-min=3 tests/docs
+	$(BIN)/python -m pytest -m docs -n 2 --dist loadgroup $(REPORT) tests/docs
 
 pictures: env ## renew the pictures of the site from runs of the demos, and their numbers
 	$(BIN)/python docs/make_pictures.py
@@ -78,4 +93,4 @@ docker: ## build the image and run the demo in it, as you, with files in ./out
 	docker run --rm --user "$$(id -u):$$(id -g)" -v "$$PWD/out:/out" ruptfx
 
 clean: ## remove .venv, caches and runs/demo; other runs stay
-	rm -rf .venv runs/demo docs/_build build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv .ci/reports runs/demo docs/_build build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

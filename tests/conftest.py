@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import pytest
+import typer.testing
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 for name in ("COLUMNS", "LINES"):  # of a terminal, or 80 in each of several processes; tests give a width of their own
     os.environ.pop(name, None)
 matplotlib.use("Agg")
+# The commands of an application do not change; the runner would build them anew, in 0.1 s, for every call.
+typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
 
 if find_spec("dolfinx") is not None:
     # First of all imports: the order of h5py, DOLFINx's own libraries and petsc4py matters.
@@ -106,6 +112,28 @@ class Skips:
             terminalreporter.line(f"{number:5d}  {reason}")
         for reason in self.refused():
             terminalreporter.line(f"not among ALLOWED_SKIPS of tests/conftest.py: {reason}", red=True)
+
+
+def cpu_time() -> float:
+    """Return the CPU time of this process and of its children that have ended [s]."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
+
+
+START = pytest.StashKey[float]()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    item.stash[START] = cpu_time()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[Any]:
+    """Add the CPU time of a test to its report: unlike its duration it is nearly the same on a busy machine."""
+    if call.when == "teardown":
+        item.user_properties.append(("cpu", f"{cpu_time() - item.stash[START]:.3f}"))
+    return (yield)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -39,7 +39,7 @@ def without_assertions(sources: dict[str, str]) -> list[str]:
     helpers, before = set[str](), -1
     while len(helpers) > before:
         before = len(helpers)
-        helpers |= {node.name for _, node in functions if any(assertions(node, helpers))}
+        helpers |= {node.name for _, node in functions if node.name not in helpers and any(assertions(node, helpers))}
     return [f"{path}: {node.name}" for path, node in functions
             if node.name.startswith("test_") and node.name not in helpers]  # fmt: skip
 
