@@ -17,7 +17,7 @@ import ruptfx.stepping.steppers.leapfrog as leapfrog
 from ruptfx.app.checks import preflight
 from ruptfx.bodies import spectrum
 from ruptfx.case import parse_case
-from ruptfx.interfaces.mechanisms import Mechanism, kinds, mechanisms_of
+from ruptfx.interfaces.mechanisms import ImplicitForce, Mechanism, kinds, mechanisms_of, responding
 from ruptfx.run import cost
 from ruptfx.run.model import Model
 from ruptfx.run.recording import checkpoint, recorder
@@ -56,6 +56,17 @@ def test_one_class_per_name_in_calling_order() -> None:
     assert [each.order for each in found] == sorted(each.order for each in found)
     assert len({each.__name__ for each in found}) == len(found) >= 10
     assert all(each.__doc__ and each.__module__.startswith("ruptfx.interfaces.mechanisms.") for each in found)
+
+
+def test_forces_of_implicit_steps_are_a_contract_of_their_own() -> None:
+    """Only mechanisms of that contract have its methods; springs of facets are one, a point mass and loads are not."""
+    methods = {name for name in vars(ImplicitForce) if not name.startswith("_")}
+    assert methods == {"coupled", "respond", "force_of", "advance", "step_error", "fastest"}
+    assert {each.__name__ for each in kinds() if issubclass(each, ImplicitForce)} == {"IntrinsicFacets", "Memory"}
+    assert not [each.__name__ for each in kinds() if methods & set(dir(each)) and not issubclass(each, ImplicitForce)]
+    model = Model(broken({}))
+    model.mechanisms.append(PointMass(model))
+    assert [type(each).__name__ for each in responding(model.mechanisms)] == ["IntrinsicFacets"]
 
 
 def test_the_stepper_names_none() -> None:

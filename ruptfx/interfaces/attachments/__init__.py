@@ -1,7 +1,7 @@
 """Attachments of the bodies, one kind per file; the file name is the `kind` of an entry of ``[[attachments]]``.
 
 An attachment is the table of a case, and makes a mechanism: an object that adds forces to the steps, has fields and
-energies of its own, and keeps the contract of `ruptfx.interfaces.mechanisms.Mechanism`. Steppers, the energy table,
+energies of its own, and keeps the contracts of `ruptfx.interfaces.mechanisms`. Steppers, the energy table,
 checkpoints, records and the stable time step ask every mechanism for its part; none knows a kind of attachment.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ruptfx.input.fields import PointField
 from ruptfx.input.schema import Alternative, Name, alternative
-from ruptfx.interfaces.mechanisms import Floats, Mechanism, Rows
+from ruptfx.interfaces.mechanisms import Floats, ImplicitForce, Mechanism, Rows
 from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.laws.materials import Plane
 from ruptfx.platform import parallel
@@ -38,7 +38,7 @@ class Attachment(Alternative):
     source: ClassVar[str] = ""
     """Publication of the equations."""
     implicit: ClassVar[bool] = False
-    """Whether its mechanism has the forces at the end of implicit steps (`Mechanism.respond`)."""
+    """Whether its mechanism has the forces at the end of implicit steps (`ImplicitForce.respond`)."""
     inertia: ClassVar[bool] = False
     """Whether it acts by inertia only, so that it has no effect in steps of equilibrium."""
 
@@ -109,8 +109,10 @@ class EdgeNodes:
     normal: Floats
 
 
-class Attached(Mechanism):
+class Attached(Mechanism, ImplicitForce):
     """A mechanism with fields at some nodes: `fields` declares them, `State.attached` has them.
+
+    Without `Attachment.implicit` its `respond` is never called: a case with implicit steps is refused.
 
     Parameters
     ----------

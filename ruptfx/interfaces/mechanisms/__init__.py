@@ -1,10 +1,11 @@
 """Mechanisms, one per file: forces on the bodies and constraints of their motion.
 
 The model, checkpoints and the energy table ask all mechanisms of a case for their initial state, their fields and
-their energies. An explicit step is a sequence of phases, other methods of `Mechanism`: in each phase the stepper calls
-the mechanisms that override it, in ascending `Mechanism.order`. None of them knows a mechanism by name, and no
-mechanism knows another one. Those of this folder follow from the tables of a case; `ruptfx.interfaces.attachments` has
-those that a case chooses by their kind.
+their energies: the contract `PersistentState`. An explicit step is a sequence of phases, the methods of
+`ExplicitPhases`: in each phase the stepper calls all mechanisms, in ascending `Acting.order`. Implicit steps ask those
+that keep `ImplicitForce` for forces. None of them knows a mechanism by name, and no mechanism knows another one. Those
+of this folder follow from the tables of a case; `ruptfx.interfaces.attachments` has those that a case chooses by their
+kind.
 
 Of the phases of an explicit step only `prepare` and `exchange` send messages. An error of one rank in a phase does not
 end its step: the stepper keeps it, calls the other phases and mechanisms, as other ranks wait for their messages, and
@@ -109,8 +110,8 @@ class Reaction:
     elements: Callable[[], list[ElementStiffness]] = field(default=list)
 
 
-class Mechanism:
-    """The contract of a mechanism; a method that is not overridden does nothing.
+class Acting:
+    """What all contracts of a mechanism know: the model.
 
     Parameters
     ----------
@@ -121,34 +122,24 @@ class Mechanism:
     order : int
         Facets (0) come first: they find the force zero. Prescribed motion (50) comes before contact (60), which reads
         it; ties (80) and components that move as one (90) equalise what contact did to one of their nodes.
-    rounds_as_kernel : bool
-        Whether stepped nodes must be rounded as the bulk kernel rounds the others, so that results are bitwise the same
-        on any number of ranks.
-    damped : Damped, optional
-        Viscous damping of all elements, which the bulk kernel computes in its sweep.
-    inelastic : Inelastic, optional
-        Inelastic stress of materials with memory, which the bulk kernel computes in its sweep.
-    energies : tuple of Energy
-        Columns of the energy table that only cases with this mechanism have.
     """
 
     order: ClassVar[int] = 55
-    adjoint: ClassVar[bool] = False
-    """Whether the sweeps of `ruptfx.many_runs.adjoint` contain it."""
-    energies: ClassVar[tuple[Energy, ...]] = ()
-    rounds_as_kernel: bool = False
-    damped: Damped | None = None
-    inelastic: Inelastic | None = None
 
     def __init__(self, model: System) -> None:
         self.model = model
 
-    @classmethod
-    def present(cls, model: System) -> bool:
-        """Return whether the model has this mechanism."""
-        return True
 
-    # -- state, energies, checkpoints --------------------------------------------------------------
+class PersistentState(Acting):
+    """The contract of what lasts beyond a step: fields, energies, checkpoints, and rows of the pre-flight check.
+
+    Attributes
+    ----------
+    energies : tuple of Energy
+        Columns of the energy table that only cases with this mechanism have.
+    """
+
+    energies: ClassVar[tuple[Energy, ...]] = ()
 
     def begin(self, state: State) -> None:
         """Add the fields and energies of this mechanism to the state at the start of a run."""
@@ -187,8 +178,6 @@ class Mechanism:
         """Yield the rows of `ruptfx check` on this mechanism."""
         return iter(())
 
-    # -- records -----------------------------------------------------------------------------------
-
     def add_resistance(self, state: State, force: Floats) -> None:
         """Add the forces of which the reactions at edges are the sums with those of the elements, at a record [N]."""
 
@@ -196,44 +185,26 @@ class Mechanism:
         """Return the nodes of an edge without those that stand for others among them."""
         return nodes
 
-    # -- implicit steps ----------------------------------------------------------------------------
 
-    def coupled(self) -> NDArray[np.int64]:
-        """Return pairs of local nodes that its stiffness couples in implicit steps, shape (pairs, 2)."""
-        return np.zeros((0, 2), dtype=np.int64)
+class ExplicitPhases(Acting):
+    """The contract of explicit steps; a phase without forces or constraints does nothing.
 
-    def respond(self, state: State, end: StepEnd) -> Reaction:
-        """Return its forces at the end of an implicit step, with `state` unchanged; collective.
+    Attributes
+    ----------
+    rounds_as_kernel : bool
+        Whether stepped nodes must be rounded as the bulk kernel rounds the others, so that results are bitwise the same
+        on any number of ranks.
+    damped : Damped, optional
+        Viscous damping of all elements, which the bulk kernel computes in its sweep.
+    inelastic : Inelastic, optional
+        Inelastic stress of materials with memory, which the bulk kernel computes in its sweep.
+    """
 
-        Only mechanisms that override it act in implicit steps beside the bodies, boundaries and faults.
-        """
-        raise NotImplementedError
-
-    def force_of(self, state: State) -> Reaction:
-        """Return its forces in a state between implicit steps."""
-        raise NotImplementedError
-
-    def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
-        """Copy its fields to the state and count its losses; the displacement is that at the start of the step.
-
-        Raises
-        ------
-        RuptfxError
-            On all ranks.
-        """
-
-    def step_error(self, state: State, reaction: Reaction) -> float:
-        """Return its error in a step over what is tolerated, largest of this rank; steps of variable length heed it.
-
-        They do not accept an error above 1 in their smallest step either.
-        """
-        return 0.0
-
-    def fastest(self, state: State) -> float:
-        """Return the largest rate of slip or opening against its resistance [m/s], of this rank."""
-        return 0.0
-
-    # -- explicit steps ----------------------------------------------------------------------------
+    adjoint: ClassVar[bool] = False
+    """Whether the sweeps of `ruptfx.many_runs.adjoint` contain it."""
+    rounds_as_kernel: bool = False
+    damped: Damped | None = None
+    inelastic: Inelastic | None = None
 
     def nodes(self) -> NDArray[np.bool_]:
         """Return a mask of the nodes that the stepper advances instead of the bulk kernel, shape (nodes,)."""
@@ -292,17 +263,54 @@ class Mechanism:
         """Correct the work of step 0, in which bodies reach v from rest in half a step."""
 
 
-def overriding(mechanisms: Iterable[Mechanism], *phases: str) -> list[Callable[..., None]]:
-    """Return the methods of some phases that mechanisms override: those of the first mechanism, then of the next."""
-    return [
-        getattr(each, phase) for each in mechanisms for phase in phases
-        if getattr(type(each), phase) is not getattr(Mechanism, phase)
-    ]  # fmt: skip
+class ImplicitForce(Acting):
+    """The contract of forces at the end of implicit steps, beside those of bodies, boundaries and faults."""
+
+    def coupled(self) -> NDArray[np.int64]:
+        """Return pairs of local nodes that its stiffness couples in implicit steps, shape (pairs, 2)."""
+        return np.zeros((0, 2), dtype=np.int64)
+
+    def respond(self, state: State, end: StepEnd) -> Reaction:
+        """Return its forces at the end of an implicit step, with `state` unchanged; collective."""
+        raise NotImplementedError
+
+    def force_of(self, state: State) -> Reaction:
+        """Return its forces in a state between implicit steps."""
+        raise NotImplementedError
+
+    def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
+        """Copy its fields to the state and count its losses; the displacement is that at the start of the step.
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks.
+        """
+
+    def step_error(self, state: State, reaction: Reaction) -> float:
+        """Return its error in a step over what is tolerated, largest of this rank; steps of variable length heed it.
+
+        They do not accept an error above 1 in their smallest step either.
+        """
+        return 0.0
+
+    def fastest(self, state: State) -> float:
+        """Return the largest rate of slip or opening against its resistance [m/s], of this rank."""
+        return 0.0
 
 
-def responding(mechanisms: Iterable[Mechanism]) -> list[Mechanism]:
-    """Return the mechanisms that act in implicit steps by `Mechanism.respond`."""
-    return [each for each in mechanisms if type(each).respond is not Mechanism.respond]
+class Mechanism(PersistentState, ExplicitPhases):
+    """A mechanism of a model; those that act in implicit steps keep the contract `ImplicitForce`, too."""
+
+    @classmethod
+    def present(cls, model: System) -> bool:
+        """Return whether the model has this mechanism."""
+        return True
+
+
+def responding(mechanisms: Iterable[Mechanism]) -> list[ImplicitForce]:
+    """Return the mechanisms that act in implicit steps."""
+    return [each for each in mechanisms if isinstance(each, ImplicitForce)]
 
 
 @cache

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ruptfx.interfaces.cracks._response import FacetResponse
 from ruptfx.interfaces.cracks.extrinsic import Extrinsic
 from ruptfx.interfaces.cracks.rigid import RigidCracks
-from ruptfx.interfaces.mechanisms import Floats, Mechanism, Reaction, Rows, Springs, StepEnd
+from ruptfx.interfaces.mechanisms import Floats, ImplicitForce, Mechanism, Reaction, Rows, Springs, StepEnd
 from ruptfx.interfaces.mechanisms._rotation_error import deducting_dissipation
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Facets(Mechanism):
         return self.cracks.counted(nodes)
 
 
-class IntrinsicFacets(Facets):
+class IntrinsicFacets(Facets, ImplicitForce):
     """Springs of all facets that have not failed."""
 
     @classmethod

@@ -10,7 +10,7 @@ import numpy as np
 
 from ruptfx.bodies.operators import FusedOperator, Inelastic
 from ruptfx.input.fields import Energy
-from ruptfx.interfaces.mechanisms import ElementStiffness, Floats, Reaction, Rows, StepEnd
+from ruptfx.interfaces.mechanisms import ElementStiffness, Floats, ImplicitForce, Reaction, Rows, StepEnd
 from ruptfx.interfaces.mechanisms._inserted import InsertedForce
 from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.platform import parallel
@@ -37,7 +37,7 @@ def inelastic_force(model: System, state: State) -> Floats:
     return force
 
 
-class Memory(InsertedForce):
+class Memory(InsertedForce, ImplicitForce):
     """State of the points of elements, and the force that the inelastic stress adds to the elastic one.
 
     The bulk kernel calls the sweep before that of its own elements, block by block, and advances nodes with both

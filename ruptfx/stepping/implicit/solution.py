@@ -10,7 +10,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ruptfx.bodies.state import FaultState, State
-    from ruptfx.interfaces.mechanisms import Mechanism, Reaction, StepEnd
+    from ruptfx.interfaces.mechanisms import ImplicitForce, Reaction, StepEnd
     from ruptfx.interfaces.sliding.follower import StepFollower
     from ruptfx.stepping.implicit.response import FaultResponse
 
@@ -75,7 +75,7 @@ class Solution:
         Largest slip of the step over its limit, on sliding interfaces.
     followers : list of StepFollower
         Followers of the sliding interfaces.
-    reactions : list of (Mechanism, StepEnd, Reaction)
+    reactions : list of (ImplicitForce, StepEnd, Reaction)
         Other mechanisms with their forces.
     """
 
@@ -93,7 +93,7 @@ class Solution:
     pairing_changes: list[float] = field(default_factory=list)
     slid: float = 0.0
     followers: list[StepFollower] = field(repr=False, default_factory=list)
-    reactions: list[tuple[Mechanism, StepEnd, Reaction]] = field(repr=False, default_factory=list)
+    reactions: list[tuple[ImplicitForce, StepEnd, Reaction]] = field(repr=False, default_factory=list)
 
     def commit(self, state: State) -> None:
         """Copy the solution to the state; arrays of the state keep their memory."""

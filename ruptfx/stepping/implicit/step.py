@@ -10,7 +10,7 @@ import numpy as np
 from ruptfx.bodies.state import FaultState, State
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.projection import ProjectionError
-from ruptfx.interfaces.mechanisms import Mechanism, Reaction, StepEnd
+from ruptfx.interfaces.mechanisms import ImplicitForce, Reaction, StepEnd
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit.response import Response
 from ruptfx.stepping.implicit.solution import Rates
@@ -37,7 +37,7 @@ class Terms(Protocol):
         Factors of the penalty of multipliers, to be tried in turn.
     driven : ndarray of bool, shape (nodes * components,)
         Mask of the prescribed displacements.
-    mechanisms : list of Mechanism
+    mechanisms : list of ImplicitForce
         Those with forces that depend on the displacement.
     """
 
@@ -47,7 +47,7 @@ class Terms(Protocol):
     driven: np.ndarray
     forces: Forces
     tangent: Tangent
-    mechanisms: Sequence[Mechanism]
+    mechanisms: Sequence[ImplicitForce]
 
     def body_stiffness(self, interface: Interface, rates: Rates | None) -> np.ndarray:
         """Return the stiffness of the bodies at the points of an interface."""
@@ -89,7 +89,7 @@ class Step:
         }  # fmt: skip
         self.displacement = self.residual = self.internal = np.zeros(0)
         self.responses: dict[str, Response] = {}
-        self.reactions: list[tuple[Mechanism, StepEnd, Reaction]] = []
+        self.reactions: list[tuple[ImplicitForce, StepEnd, Reaction]] = []
         self.scale = self.round_off = 0.0
         self._least: float | None = None
         self.error: ProjectionError | None = None

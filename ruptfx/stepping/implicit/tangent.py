@@ -10,6 +10,7 @@ import numpy as np
 from ruptfx.bodies import operators
 from ruptfx.bodies.operators.assembled import stiffness_form
 from ruptfx.interfaces.faults.interface import Interface
+from ruptfx.interfaces.mechanisms import responding
 from ruptfx.platform import fem, parallel
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class Tangent:
         """Return K of some elements as a matrix with room for the tangents of the interfaces."""
         faces = [fault.interface for fault in self._model.faults if not (fault.interface.one_sided or fault.slides)]
         pairs = [np.stack([face.plus, face.minus], axis=1) for face in faces]
-        pairs += [each.coupled() for each in self._model.mechanisms]
+        pairs += [each.coupled() for each in responding(self._model.mechanisms)]
         layout = self._model.layout
         coupled = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
         tied = (layout.kept, layout.copies) if layout.bodies.ties else None

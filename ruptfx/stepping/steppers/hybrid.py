@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from ruptfx.input.fields import component_names
 from ruptfx.input.units import Duration, Speed
 from ruptfx.interfaces.faults.projection import ProjectionError
-from ruptfx.interfaces.mechanisms import StepEnd
+from ruptfx.interfaces.mechanisms import StepEnd, responding
 from ruptfx.interfaces.sliding.follower import FIELDS as FOLLOWED
 from ruptfx.laws.contact import Way
 from ruptfx.platform import parallel
@@ -204,7 +204,7 @@ class HybridMotion:
                 holds = holds | (fields["damage"] < 1)
                 largest = max(largest, float(np.abs(opens[fault.name]).max(initial=0.0)))
             largest = max(largest, float(np.where(holds, speed, 0.0).max(initial=0.0)))
-        largest = max(largest, *(mechanism.fastest(state) for mechanism in self.model.mechanisms), 0.0)
+        largest = max(largest, 0.0, *(mechanism.fastest(state) for mechanism in responding(self.model.mechanisms)))
         return parallel.largest(self.model.comm, largest)
 
     def _switch(self, state: State, to: float, why: str) -> None:

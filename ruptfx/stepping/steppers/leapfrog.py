@@ -12,7 +12,7 @@ from ruptfx.bodies.operators import FusedOperator
 from ruptfx.bodies.spectrum import springs_of, stable_time_step
 from ruptfx.input.schema import CaseError
 from ruptfx.input.units import Duration, Fraction
-from ruptfx.interfaces.mechanisms import Floats, mechanisms_of, overriding
+from ruptfx.interfaces.mechanisms import Floats, mechanisms_of
 from ruptfx.interfaces.mechanisms.stepped_nodes import Kick, SteppedNodes
 from ruptfx.platform import parallel
 from ruptfx.stepping.steppers import Stepper
@@ -116,16 +116,16 @@ class LeapfrogMotion:
         self.nodes = SteppedNodes(model, stepped, dt, any(each.rounds_as_kernel for each in mechanisms), self._damped)
         for each in mechanisms:
             each.bind(self.nodes)
-        self._prepare = overriding(mechanisms, "prepare")
-        self._add_first = overriding(mechanisms, "add_first")
-        self._add_with_elements = overriding(mechanisms, "add_with_elements")
-        self._add_internal = overriding(mechanisms, "add_internal")
-        self._add_external = overriding(mechanisms, "add_external")
-        self._combine = overriding(mechanisms, "combine")
-        self._before_kick = overriding(mechanisms, "before_kick")
-        self._after_kick = overriding(mechanisms, "after_kick", "exchange")
-        self._account = overriding(mechanisms, "account")
-        self._started = overriding(mechanisms, "started")
+        self._prepare = [each.prepare for each in mechanisms]
+        self._add_first = [each.add_first for each in mechanisms]
+        self._add_with_elements = [each.add_with_elements for each in mechanisms]
+        self._add_internal = [each.add_internal for each in mechanisms]
+        self._add_external = [each.add_external for each in mechanisms]
+        self._combine = [each.combine for each in mechanisms]
+        self._before_kick = [each.before_kick for each in mechanisms]
+        self._after_kick = [act for each in mechanisms for act in (each.after_kick, each.exchange)]
+        self._account = [each.account for each in mechanisms]
+        self._started = [each.started for each in mechanisms]
         self._error: RuptfxError | None = None  # the first one of this rank in the present step
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
 
@@ -166,7 +166,7 @@ class LeapfrogMotion:
         stored = None if self.model.quadratic or not watched else self.model.strain_energy(state.displacement)
         plain = np.zeros(2) if watched else None
         self._call(state, kick, self._prepare, self._add_first)
-        outside: Outside = [(slice(None), state.force.copy())] if watched and self._add_first else []
+        outside: Outside = [(slice(None), state.force.copy())] if watched and state.force.any() else []
         self._add_elements(state, kick, plain)
         self._call(state, kick, self._add_internal)
         internal = None
