@@ -272,9 +272,16 @@ def cracks(record: Record) -> list[list[Shown]]:
 
 
 def emission(record: Record) -> list[list[Shown]]:
-    """Numbers of failures in time."""
-    when = np.sort(record.events["time_of_failure"].values)
-    return [[Shown(("time", when), ("", np.arange(1.0, len(when) + 1)))]]
+    """Numbers of failures in time; failed facets, and the events that radiate, by mode."""
+    events, cracks = record.events, record.cracks
+    when = np.sort(events["time_of_failure"].values)
+    x, y, mode = (events[name].values[events["energy"].values > 0] for name in ("x", "y", "mode"))
+    ends = cracks["points"].values[cracks["lines"].values[cracks["status"].values[-1] == 2]].reshape(-1, 2)
+    return [
+        [Shown(("time", when), ("", np.arange(1.0, len(when) + 1)))],
+        [Shown(("x", ends[:, 0]), ("x", ends[:, 1])),
+         *(Shown(("x", x[mode == name]), ("x", y[mode == name])) for name in np.unique(mode))],
+    ]  # fmt: skip
 
 
 AT = (30e-6, 50e-6)
@@ -301,7 +308,7 @@ SHOWN: list[tuple[str, str, dict[str, Any], Callable[[Record], list[list[Shown]]
     ("wavefield", "plain", {"at": AT[0]}, wavefield),
     ("material_state", "plain", {}, material_state),
     ("cracks", "broken", {}, cracks),
-    ("emission", "broken", {"field": "load"}, emission),
+    ("emission", "broken", {"field": ["load", "map"]}, emission),
 ]  # fmt: skip
 
 
@@ -421,3 +428,19 @@ def test_lines_have_the_colour_of_their_time(records: Callable[[str], Record]) -
     lines = plots.slip_profiles(record, at=ends, field="slip", units={"time": "ns"}).lines
     for line, place in zip(lines, (0.0, 1.0), strict=True):
         np.testing.assert_allclose(line.get_color(), TIME_MAP(place), atol=1e-6)
+
+
+@pytest.mark.parametrize("name, kind, field, units, expected", [
+    ("front", "plain", "rupture_speed", {"rupture_speed": "km/s"}, [1.155, 1.255, np.sqrt(2) * 1.255, 2.2]),
+    ("energy_budget", "plain", "closure", {}, [0.1]),
+    ("cracks", "broken", "growth", {"time": "ms", "distance": "cm"}, [115.59]),
+])  # fmt: skip
+def test_guides(
+    name: str, kind: str, field: str, units: dict[str, str], expected: list[float], records: Callable[[str], Record]
+) -> None:
+    """Lines of two points: wave speeds, the tolerance of the energy budget [%], and the slope of Rayleigh waves."""
+    axes = plots.FIGURES[name](records(kind), field=field, units=units)
+    drawn = []
+    for x, y in (line.get_data() for line in axes.lines if len(line.get_xdata()) == 2):
+        drawn.append(y[0] if y[0] == y[1] else (y[1] - y[0]) / (x[1] - x[0]))
+    assert sorted(drawn) == pytest.approx(expected, rel=1e-4)

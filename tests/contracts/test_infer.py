@@ -36,8 +36,8 @@ from ruptfx.many_runs.adjoint.unknowns import chosen
 from ruptfx.many_runs.inference import inversion, posterior, searches
 from ruptfx.many_runs.inference.evaluations import Evaluation, load_one
 from ruptfx.many_runs.inference.evaluator import Evaluator
-from ruptfx.many_runs.inference.figure import _draw_field
-from ruptfx.many_runs.inference.result import Recovered, Result
+from ruptfx.many_runs.inference.figure import _draw_field, draw, draw_tradeoffs
+from ruptfx.many_runs.inference.result import Fit, Recovered, Result
 from ruptfx.many_runs.inference.variables import Variable
 from ruptfx.platform import fem, launch
 from ruptfx.platform.progress import Progress
@@ -614,6 +614,42 @@ def test_the_figure_names_a_prior_only_where_there_is_one(sigma: float) -> None:
     _draw_field(ax, Recovered(SHEAR, "Pa", "knots", x, start, start, band, False, None))
     names = [each.get_text() for each in ax.get_legend().get_texts()]
     assert names == [*(["prior"] if sigma else []), "case", "recovered"]
+
+
+def test_figures_show_the_numbers_of_the_result() -> None:
+    """A field in MPa at positions in any order, a number over that of the case, traces by the largest amplitude."""
+    x = np.array([2e3, 0.0, 1e3])
+    start, best = np.array([70e6, 71e6, 72e6]), np.array([75e6, 74e6, 79e6])
+    field = Recovered(SHEAR, "Pa", "points", x, start, best, np.array([start - 1e6, start + 2e6]), False,
+                      np.array([best - 3e6, best + 5e6]))  # fmt: skip
+    D_c, other = (Recovered(f"faults.main.friction.{name}", "m", "number", x, np.full(3, 0.04), np.full(3, value),
+                            np.full((2, 3), 0.04), False, np.array([[0.02] * 3, [0.05] * 3]))
+                  for name, value in (("D_c", 0.03), ("D", 0.06)))  # fmt: skip
+    times = np.array([0.0, 1e-3, 2e-3])
+    fits = [Fit(name, times, times * size, times * 2, times * 3) for name, size in (("one", 4e3), ("two", 1e3))]
+    runs: Any = [SimpleNamespace(misfit=misfit) for misfit in (8.0, 99.0, 6.0)]
+    samples = {each.key: np.linspace(0.01, 0.05, 41) ** power for each, power in ((D_c, 1), (other, 2))}
+    made = Result(SimpleNamespace(), [field, D_c, other], runs, [0, 2], 4, "", fits, samples)  # type: ignore[arg-type]
+    traces, of_field, numbers, misfit = draw(made).axes
+    for row, fit in enumerate(fits):
+        for line, values in zip(traces.lines[3 * row :], (fit.start, fit.data, fit.best), strict=False):
+            np.testing.assert_allclose(line.get_xdata(), [0, 1, 2])
+            np.testing.assert_allclose(line.get_ydata(), values / 8.0 - row)
+    assert traces.get_xlabel() == "Time (ms)"
+    for line, expected in zip(of_field.lines, ([71, 72, 70], [74, 79, 75]), strict=True):
+        np.testing.assert_allclose([line.get_xdata(), line.get_ydata()], [[0, 1, 2], expected])
+    for band, expected in zip(of_field.collections, ([69, 74], [71, 84]), strict=True):  # lowest and highest
+        np.testing.assert_allclose(band.get_paths()[0].get_extents().intervaly, expected)
+    assert (of_field.get_xlabel(), of_field.get_ylabel()) == ("Position (km)", "shear (MPa)")
+    _, changes, *bars = numbers.lines
+    np.testing.assert_allclose(changes.get_ydata(), [0.75, 1.5])
+    for place, bar in enumerate(bars):
+        np.testing.assert_allclose([bar.get_xdata(), bar.get_ydata()], [[place, place], [0.5, 1.25]])
+    np.testing.assert_allclose(misfit.lines[-1].get_ydata(), [4.0, 3.0])  # twice the misfit over the number of data
+    first, pair, second = draw_tradeoffs(made).axes
+    np.testing.assert_allclose(pair.lines[0].get_data(), [10 * samples[D_c.key] * 100, samples[other.key] * 1e3])
+    for ax, value in ((first, 30.0), (second, 60.0)):
+        np.testing.assert_allclose(ax.lines[0].get_xdata(), value)
 
 
 def test_the_best_case_of_a_number_on_a_surface() -> None:

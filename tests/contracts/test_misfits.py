@@ -13,8 +13,8 @@ from helpers.small_cases import slip_weakening
 
 from ruptfx.case import Case, parse_case, read_case
 from ruptfx.input.schema import CaseError
-from ruptfx.readings.misfits.mode_degree import degree_of
-from ruptfx.results.analysis.modes import classify
+from ruptfx.readings.misfits.mode_degree import _DEGREES, _several, degree_of
+from ruptfx.results.analysis.modes import _degrees, classify
 
 pytest.importorskip("dolfinx")
 
@@ -293,6 +293,16 @@ def test_smooth_degrees_are_close_to_those_of_the_analysis(kind: str) -> None:
     for mode in ("crack", "pulse", "train"):
         assert degree_of(rates, mode, 0.04)[0] == pytest.approx(exact[mode], abs=0.15), mode
     assert max(("crack", "pulse", "train"), key=lambda mode: degree_of(rates, mode, 0.04)[0]) == kind
+
+
+@pytest.mark.parametrize("zones", range(8))
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 0.6, 0.95])
+def test_degrees_of_whole_zones_are_those_of_the_analysis(fraction: float, zones: int) -> None:
+    f, r = np.array([fraction]), np.array([float(zones)])
+    exact = _degrees(f, r, np.arange(1), np.arange(1))
+    smooth = {mode: float(degree(f, r).value[0]) for mode, degree in _DEGREES.items()}
+    smooth["pulses_into_crack"] = float(np.sqrt(smooth["crack"] * _several(f, r).value[0]))
+    assert smooth == pytest.approx(exact)
 
 
 @pytest.mark.parametrize("steepness", [1.0, 4.0])

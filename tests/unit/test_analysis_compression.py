@@ -14,6 +14,7 @@ import tomli_w
 import xarray
 from helpers.messages import facts
 
+from ruptfx.results import plots
 from ruptfx.results.analysis import summarise
 from ruptfx.results.analysis.compression import Loading, _slowest, emission_of, fragments, loading
 from ruptfx.results.record import Record
@@ -22,7 +23,7 @@ MODULUS, HEIGHT, WIDTH = 50e9, 0.1, 0.05
 ROCK = {"kind": "isotropic_elastic", "young_modulus": MODULUS, "poisson_ratio": 0.25, "density": 2600.0}
 
 
-def write(path: Path, platens: bool = False, peak: bool = True, **events: np.ndarray) -> Path:
+def write(path: Path, platens: bool = False, peak: bool = True, sign: float = 1.0, **events: Any) -> Path:
     """Two triangles and the facet between them; a specimen that carries 100 MPa at 0.2 % and then a fifth less."""
     body = "steel" if platens else "specimen"
     path.mkdir()
@@ -36,7 +37,8 @@ def write(path: Path, platens: bool = False, peak: bool = True, **events: np.nda
     strain = 3e-3 * time / time[-1]
     stress = MODULUS * np.minimum(strain, 2e-3) - (2e10 * np.maximum(strain - 2e-3, 0) if peak else 0)
     stress[5] = 40e6  # a wave: a maximum that says nothing
-    rows = np.column_stack([time, 0.5 * HEIGHT * strain, WIDTH * stress, -0.5 * HEIGHT * strain, -WIDTH * stress])
+    half, force = sign * 0.5 * HEIGHT * strain, sign * WIDTH * stress
+    rows = np.column_stack([time, half, force, -half, -force])
     names = [f"{body}.{side}.{what}_y" for side in ("bottom", "top") for what in ("displacement", "force")]
     np.savetxt(path / "edges.csv", rows, delimiter=",", header=",".join(["time", *names]), comments="")
     corners = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]])
@@ -232,3 +234,17 @@ def test_a_failed_facet_parts_two_triangles(tmp_path: Path) -> None:
         file["status"][:] = 1
     with Record(path) as record:
         assert fragments(record) == 1
+
+
+@pytest.mark.parametrize("sign, way", [(1.0, "Compressive"), (-1.0, "Tensile")])
+def test_the_figure_has_stress_over_strain_in_percent(sign: float, way: str, tmp_path: Path) -> None:
+    """50 GPa up to 0.2 %, the force against the approach of the ends or their distance; one failure at 0.15 %."""
+    event = {"time": [5e-4], "time_of_failure": [5e-4], "energy": [1e-6], "mode": ["tensile"]}
+    with Record(write(tmp_path / "run", sign=sign, **event)) as record:
+        axes = plots.emission(record, field="load", units={"stress": "kPa"})
+        strain, stress = axes.lines[0].get_data()
+        rising = (strain > 0.03) & (strain < 0.19)
+        np.testing.assert_allclose(stress[rising], 5e5 * strain[rising], rtol=1e-6)
+        assert (axes.get_xlabel(), axes.get_ylabel()) == (f"{way} strain (%)", f"{way} stress (kPa)")
+        (count,) = axes.figure.axes[1].lines
+        np.testing.assert_allclose([*count.get_xdata(), *count.get_ydata()], [0.15, 1.0], rtol=1e-6)

@@ -373,6 +373,22 @@ def test_export_vtkhdf(runs: Path, tmp_path: Path) -> None:
         np.testing.assert_array_equal(root["PointData/slip_rate"][:].reshape(data.slip_rate.shape), data.slip_rate)
 
 
+def test_export_vtkhdf_of_antiplane_motion(tmp_path: Path) -> None:
+    """Along z, and shear stresses xz and yz; what was not saved is not zero."""
+    time, position = synthetic.times(31), synthetic.points(20)
+    run = synthetic.write_run(
+        tmp_path / "run", synthetic.crack(time, position), time, position, plane="antiplane", snapshots=2
+    )
+    assert ruptfx("export", run, "--format", "vtkhdf", "--out", tmp_path / "out").exit_code == 0
+    with h5py.File(tmp_path / "out/bulk.vtkhdf") as file, Record(run) as record:
+        data, count = file["VTKHDF/PointData"], record.bulk.sizes["point"]
+        np.testing.assert_array_equal(data["velocity"][-count:, 2], record.bulk["velocity"].values[-1, :, 0])
+        assert data["velocity"][-count:, 2].any() and not data["velocity"][:, :2].any()
+        stress = data["stress"][-count:]  # xx, yy, zz, xy, yz, xz
+        np.testing.assert_array_equal(stress[:, [5, 4]], record.bulk["stress"].values[-1])
+        assert np.isnan(stress[:, :4]).all() and stress[:, 5].any()
+
+
 def test_vtk_reads_it(runs: Path, tmp_path: Path) -> None:
     reading = pytest.importorskip("vtkmodules.vtkIOHDF")
     from vtkmodules.util.numpy_support import vtk_to_numpy

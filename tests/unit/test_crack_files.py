@@ -51,6 +51,12 @@ def test_every_column_of_an_event() -> None:
     assert words == {"mode": ["mixed"], "pair": ["a-b"], "joint": ["vein"]}
 
 
+@pytest.mark.parametrize("end, angle", [((4e-3, -3e-3), 143.13), ((-4e-3, -3e-3), 36.87), ((-4e-3, 3e-3), 143.13)])
+def test_the_inclination_of_a_facet_is_below_180_degrees(end: tuple[float, float], angle: float) -> None:
+    table, _ = events(STATE, FACETS | {"ends": np.array([[0.0, 0.0, *end]])}, BODIES, JOINTS, 1.0)
+    assert table["inclination"][0] == pytest.approx(angle, abs=0.01)
+
+
 @pytest.mark.parametrize("tensile, mode", [(0.74, "mixed"), (0.76, "tensile"), (0.24, "shear"), (0.26, "mixed")])
 def test_the_mode_of_an_event(tensile: float, mode: str) -> None:
     """Limits of the tensile share are 0.25 and 0.75: w / delta_n = sqrt(share), s / delta_s = sqrt(1 - share)."""

@@ -288,3 +288,16 @@ def test_the_healing_slope_is_per_e_fold_of_the_hold() -> None:
     data = model.run()
     peaks = data["static_friction"].values
     assert float(data["healing_slope"]) == pytest.approx((peaks[2] - peaks[1]) / np.log(10.0), rel=1e-12)
+
+
+def test_the_area_of_a_loop_is_that_of_the_integral_over_ln_v() -> None:
+    """By the shoelace formula, positive where friction is higher while the drive gets faster."""
+    table = {"periods": [3.0], "samples": 100, "cycles": 2}
+    model = parse_case({"kind": "spring_slider", "experiment": {"kind": "modulated_speed", **table}})
+    assert isinstance(model, SpringSlider)
+    data = model.run()
+    x, y = np.log(data["drive_speed"].values), data["friction"].values[0]
+    area = -0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
+    assert float(data["loop_area"][0]) == pytest.approx(area, rel=0.01) and abs(area) > 1e-3
+    faster, middle = np.gradient(x) > 0, np.abs(x - x.mean()) < 0.5
+    assert (y[middle & faster].mean() > y[middle & ~faster].mean()) == (area > 0)

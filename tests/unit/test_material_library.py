@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from fractions import Fraction
 from typing import Any
 
 import pytest
@@ -10,6 +12,7 @@ from helpers.small_cases import case, plates
 
 from ruptfx.app.reference.describe import entries
 from ruptfx.case import case_schema, parse_case
+from ruptfx.input.quantities import factor
 from ruptfx.input.schema import CaseError
 from ruptfx.laws.materials import library as _library
 from ruptfx.laws.materials.library import LIBRARY, in_words
@@ -34,6 +37,9 @@ def test_a_name_stands_for_constants_with_a_source(name: str) -> None:
     assert f"\n- {name}: " in _library.__doc__, "say where the constants are from"
     assert set(LIBRARY[name].typical) <= set(LIBRARY[name].constants)
     assert in_words(name).count("(typical)") == len(LIBRARY[name].typical)
+    printed = re.findall(r"\w+ ([\d.]+)(?: ([^,; (]+))?(?: \(typical\))?[,;]", in_words(name))
+    numbers = [factor(unit or "1", None) * Fraction(value) for value, unit in printed]
+    assert [float(number) for number in numbers] == pytest.approx([*LIBRARY[name].constants.values()])
 
 
 def test_a_table_replaces_constants() -> None:

@@ -215,6 +215,8 @@ def test_weakening_slip_over_the_expected_slip_rate(length: float, verdict: str)
     assert found.value == pytest.approx(length / 2.430, rel=1e-3)
     assert "D_c / V at V = 2.43 m/s" in found.note
     assert found.verdict == verdict
+    half = {"kind": "boxcar", "inside": 0.5 * length, "outside": length, "center": 16e-3, "half_width": 4e-3}
+    assert weakening(friction__D_c=half)[": shortest time"].value == pytest.approx(0.5 * length / 2.430, rel=1e-3)
 
 
 @pytest.mark.parametrize("time, verdict", [(1e-6, "ok"), (1e-8, "warning")])
@@ -415,6 +417,7 @@ def test_what_the_run_sees_of_samples() -> None:
     """5 us of samples whose largest value comes at 4 us, or just before the end, or after it."""
     row = sampled([0.0, 4e-6, 9e-6], [0.0, 3.0, 1.0])
     assert (row.value, row.verdict) == (3, "ok") and "0 to 3 m/s" in row.note and "upper.left" in row.note
+    assert "0 to 3 m/s" in sampled([-2e-6, 0.0, 4e-6, 9e-6], [7.0, 0.0, 3.0, 1.0]).note  # not what is before the run
     # From 0 at 0 s to 6 at 10 us by straight lines (three samples in a row): 3 at 5 us.
     assert "0 to 3 m/s" in sampled([0.0, 10e-6, 20e-6], [0.0, 6.0, 12.0]).note
     assert "0 to 3 m in" in sampled([0.0, 10e-6, 20e-6], [0.0, 6.0, 12.0], quantity="displacement").note
@@ -569,13 +572,16 @@ def test_what_instruments_see() -> None:
     """Half of one sample every 2 us is 250 kHz; nodes are 0.5 mm apart, 5 of them carry S waves of c_s / 2.5 mm."""
     gauge = {"kind": "strain_gauge", "name": "gauge", "interval": 2e-6, "point": [5e-3, 2e-3], "length": 1e-4}
     fast = {"kind": "load_cell", "name": "cell", "interval": 2e-6, "edge": "upper.top", "bandwidth": 1e6}
-    found = rows(plates({"instruments": [gauge, fast]}))
+    slow = {**fast, "name": "slow", "bandwidth": 1e5}
+    found = rows(plates({"instruments": [gauge, fast, slow]}))
     seen = found["instruments.gauge: highest frequency"]
     speed = math.sqrt(5.3e9 / 2 / 1.35 / 1246)
     assert seen.value == pytest.approx(250e3) and seen.verdict == "ok"
     assert f"carries S waves to {speed / 2.5e-3:.3g} Hz" in seen.note and "measures as at a point" in seen.note
     alias = found["instruments.cell: highest frequency"]
     assert alias.verdict == "warning" and "passes more: reduce the interval" in alias.note
+    smooth = found["instruments.slow: highest frequency"]
+    assert (alias.value, smooth.value, smooth.verdict) == (pytest.approx(250e3), 1e5, "ok")
 
 
 # -- every row of one case by hand -----------------------------------------------------------------------------------

@@ -48,6 +48,17 @@ def test_closed_forms() -> None:
     np.testing.assert_allclose(profile("table")(np.array([-1.0, -0.5, 1.0, 2.0])), [0, 0.5, 2, 3])
 
 
+def test_the_rim_of_a_patch() -> None:
+    """Half-axes of 0.5 and 0.2 m, mean 0.35 m: a tenth beyond the ellipse is 0.7 of a rim of 0.05 m; likewise there."""
+    part = 0.5 * (1 + np.tanh(1 / (0.7 - 1) + 1 / 0.7))
+    ends = {"inside": 3.0, "outside": 1.0, "strike": [-0.4, 0.6], "dip": [0.1, 0.5], "rim": 0.05}
+    expected = [3, 1 + 2 * part, 1 + 2 * part, 1]
+    for kind, along, down in (("ellipse", 1.1 * 0.5, 1.1 * 0.2), ("rectangle", 0.535, 0.235)):
+        places = np.add([0.1, 0.3], [[0.0, 0.0], [along, 0.0], [0.0, -down], [0.65, 0.0]])
+        np.testing.assert_allclose(profile(kind, **ends)(places), expected, err_msg=kind)
+
+
+
 def test_a_sinusoid_and_a_spline() -> None:
     # 1 + 0.5 cos(0.3) at zero, the mean a quarter of a wavelength after the phase is made up for.
     shape = profile("sinusoid")

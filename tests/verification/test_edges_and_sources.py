@@ -13,6 +13,7 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts, facts_of
 
+from ruptfx.bodies.boundaries.moment import Moment
 from ruptfx.bodies.boundaries.moved import Moved
 from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
@@ -275,6 +276,15 @@ def test_a_moment_is_exact_for_the_order_of_the_elements() -> None:
         u = np.column_stack([a**3 * b, a * b**3]).ravel()
         expected = 2 * 3 * x**2 * y - 3 * x * y**2 + 4 * (x**3 + y**3)
         assert model.loads.force(0.0) @ u == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("components, tensor", [
+    ("xyz", [[1.0, 4.0, 6.0], [4.0, 2.0, 5.0], [6.0, 5.0, 3.0]]), ("xy", [[1.0, 3.0], [3.0, 2.0]]), ("z", [[1.0, 2.0]]),
+])  # fmt: skip
+def test_the_order_of_the_entries_of_a_moment(components: str, tensor: list[list[float]]) -> None:
+    """xx, yy, zz, xy, yz, xz; in 2D xx, yy, xy; in antiplane zx, zy."""
+    entries = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0][: {"xyz": 6, "xy": 3, "z": 2}[components]]
+    assert Moment(point=[0.0, 0.0, 0.0], moment=entries).tensor(components).tolist() == tensor
 
 
 def test_antiplane_sources() -> None:

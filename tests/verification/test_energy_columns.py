@@ -304,6 +304,26 @@ def test_facing_of_a_flat_surface_that_slides_past_a_kink() -> None:
     assert state.energy["pairing_update_loss"] == pytest.approx(before - after, rel=1e-9)
 
 
+def test_new_partners_of_points_that_cohesion_still_pulls() -> None:
+    """Flat bodies apart by 3 um, half damaged at 5 um: the tension 1 MPa w / 5 um stretches springs and opens w."""
+    d, C_n, gap = 1e-4, 3e13, 3e-6
+    body = {"length": 4 * d, "height": 2 * d, "element_size": d, "left": 0.0, "profile": 0.0}
+    model = Model(parse_case(rough({
+        "order": 1, "mesh.curve_order": 1, "mesh.upper": body,
+        "mesh.lower": {**body, "length": 10 * d, "left": -2 * d},
+        "faults.main.contact": {"kind": "compliant", "C_n": C_n, "C_s": 1e13},
+        "faults.main.cohesion": {"kind": "linear", "f_t": 2e6, "c": 4e6, "G_Ic": 10.0, "G_IIc": 40.0},
+    })))  # fmt: skip
+    state, fault = model.initial_state(), model.faults[0]
+    state.displacement.reshape(-1, 2)[fault.interface.plus] = d, gap
+    fields = state.faults["main"]
+    fields["damage"][:], fields["largest_opening"][:], fields["slip"][:] = 0.5, 5e-6, d
+    Follower(fault)(state)
+    opening = gap / (1 + 1e6 / 5e-6 / C_n)
+    np.testing.assert_allclose(fields["opening"], opening, rtol=1e-9)
+    np.testing.assert_allclose(fields["normal_stress"], -1e6 * opening / 5e-6, rtol=1e-9)
+
+
 def test_mass_damping_takes_the_first_half_step_once() -> None:
     """Two plates that fly as one body lose kinetic energy to `damping` alone, from the first half step on."""
     model = Model(case({

@@ -14,6 +14,7 @@ pytest.importorskip("dolfinx")
 from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
 from ruptfx.run.model import Model
+from ruptfx.stepping.steppers.generalized_alpha import GeneralizedAlpha
 
 pytestmark = pytest.mark.fem
 
@@ -58,6 +59,19 @@ def test_second_order_on_a_manufactured_motion(scheme: str) -> None:
     # Halving the step divides the error by four.
     assert all(3.6 < coarse / fine < 4.4 for coarse, fine in pairwise(errors)), errors
     assert errors[-1] < 0.02
+
+
+@pytest.mark.parametrize("scheme, rho", [
+    ("average_acceleration", 1.0), ("hht", 0.5), ("hht", 0.8), ("generalized_alpha", 0.0), ("generalized_alpha", 0.8),
+])  # fmt: skip
+def test_unresolved_motion_is_kept_to_the_spectral_radius(scheme: str, rho: float) -> None:
+    """Eigenvalues of a step of u'' + omega^2 u = 0 with omega dt = 1e4, for u, dt u' and dt^2 u''."""
+    alpha_m, alpha_f, gamma, beta = GeneralizedAlpha(scheme=scheme, spectral_radius=rho).weights()
+    square = 1e8
+    # (1 - alpha_m) a1 + alpha_m a0 + square ((1 - alpha_f) u1 + alpha_f u0) = 0 and Newmark's rules.
+    new = np.array([[1, 0, -beta], [0, 1, -gamma], [square * (1 - alpha_f), 0, 1 - alpha_m]])
+    old = np.array([[1, 1, 0.5 - beta], [0, 1, 1 - gamma], [-square * alpha_f, 0, -alpha_m]])
+    assert np.abs(np.linalg.eigvals(np.linalg.solve(new, old))).max() == pytest.approx(rho, abs=0.02)
 
 
 def lowest_mode(motion: Any) -> tuple[np.ndarray, float]:

@@ -156,6 +156,11 @@ def test_rates_of_states_are_those_of_advance(law: FrictionLaw) -> None:
     h = 1e-9
     later, earlier = (law.advance(state, speed, pressure, sign * h) for sign in (1, -1))
     rates = evolution.rates(state, speed, pressure)
+    variables = evolution.variables(state)
+    wrong = 1e-3 * variables
+    mu = [law.strength(speed, pressure, evolution.state(each)) / pressure for each in (variables, variables + wrong)]
+    errors = evolution.errors(variables, wrong, speed, pressure)
+    np.testing.assert_allclose(errors[:, 0], np.abs(mu[1] - mu[0]), rtol=1e-6)
     for k, name in enumerate(law.all_state_fields()):
         expected = (later[name] - earlier[name]) / (2 * h)
         np.testing.assert_allclose(rates[:, k], expected, rtol=1e-5, atol=1e-6 * np.abs(state[name]).max() / 1e-6)

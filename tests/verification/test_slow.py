@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -140,6 +141,19 @@ def test_steps_follow_the_state() -> None:
     assert steps[0] > 1.5 * steps[1] and steps[0] > 17
 
 
+def test_the_error_of_the_strength_is_half_of_a_change_by_the_rates() -> None:
+    """Theta after a step at the slip rate before it, D_c / V + (theta - D_c / V) exp(-V dt / D_c), and at its end."""
+    case = parse_case(slider(K_C, {"stepper.strength_tolerance": 1e-3}))
+    motion, state = case.stepper.bind(model := Model(case)), model.initial_state()
+    fault, before, dt = model.faults[0], state.faults["main"], 2.0
+    points = len(before["theta"])
+    before["theta"][:], before["mean_slip_rate"][:] = 5.0, 3e-6
+    end = {**before, "theta": np.full(points, 2.0), "slip_rate": np.full(points, 1e-5)}
+    explicit = D_C / 3e-6 + (5.0 - D_C / 3e-6) * np.exp(-3e-6 * dt / D_C)
+    error = motion._strength_error(fault, state, SimpleNamespace(faults={"main": end}, dt=dt))
+    assert error == pytest.approx(0.5 * B * np.log(explicit / 2.0), rel=1e-9)
+
+
 def test_a_load_without_equilibrium_stops_the_run(tmp_path: Path) -> None:
     """Pulled by a traction that grows to 1 MPa in 1 s, Coulomb friction 0.6 under 1 MPa holds a block for 0.6 s."""
     table = slider(K_C, {
@@ -195,6 +209,12 @@ def test_hybrid_cycles(whole: Path) -> None:
         assert slope == pytest.approx(0.4 * K_C * 1.02 * V, rel=0.02)
         assert is_uneven(record)
         assert "cycles" in plots.all_figures(record)
+
+
+def test_waves_may_cross_ten_times_before_slow_steps_resume() -> None:
+    """The block is 0.1 m long and high, of modulus 0.4 k_c times 0.1 m and 1000 kg/m3."""
+    case, speed = parse_case(merged(hybrid(), {"stepper.calm_for": None})), np.sqrt(0.4 * K_C * 0.1 / 1e3)
+    assert case.stepper.bind(Model(case))._calm_for == pytest.approx(10 * 0.1 / speed, rel=1e-9)
 
 
 def test_hybrid_cycles_of_rigid_contact(whole: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from helpers.crack_cases import HERE, joined_bar
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
+from ruptfx.interfaces.mechanisms.facets import IntrinsicFacets
 from ruptfx.platform import parallel
 from ruptfx.run.model import Model
 from ruptfx.stepping.implicit import ConvergenceError
@@ -82,6 +83,22 @@ def test_a_brittle_joint_fails_at_its_strength_and_sends_waves() -> None:
     )  # what the joint leaves of it are waves
     assert max(run.open) < 1e-9  # across the change, too
     assert energies["damping"] < 1e-4 * stored
+
+
+def test_the_fastest_facet_yields_or_slides_under_pressure() -> None:
+    """Ends open by 3 m/s and slide by 4 m/s: 5 m/s while they soften; failed, 4 m/s under pressure, else nothing."""
+    model = Model(parse_case(joined_bar(SLOW, 20.0, 1e-4), HERE))
+    (facets,) = (each for each in model.mechanisms if isinstance(each, IntrinsicFacets))
+    state, cracks = model.initial_state(), model.cracks
+    velocity = state.velocity.reshape(-1, 2)
+    velocity[cracks.corners[0, 1]] = 3.0 * cracks.normal[0] + 4.0 * cracks.tangent[0]
+    velocity[cracks.corners[0, 0]] = 0.0
+    fields, found = state.cracks, {}
+    state.time = 1e-5
+    for damage, failed, traction in ((0.0, np.inf, -1.0), (0.5, np.inf, -1.0), (1.0, 1e-6, -1.0), (1.0, 1e-6, 1.0)):
+        fields["damage"][0], fields["time_of_failure"][0], fields["normal_traction"][0] = damage, failed, traction
+        found[damage, failed, traction] = facets.fastest(state)
+    assert [*found.values()] == pytest.approx([0.0, 5.0, 4.0, 0.0])
 
 
 def test_equilibrium_alone_ends_where_the_brittle_joint_fails() -> None:
