@@ -118,17 +118,6 @@ def test_the_precursor_figure_says_how_many_points_and_their_correlation() -> No
     assert len(ax.collections[0].get_offsets()) == count
 
 
-def test_maps_show_the_blocks_in_time() -> None:
-    """Compression of the springs between blocks, and the detached part of the contacts in per cent."""
-    data = SpringBlock(blocks=6, contacts=20, interface_ratio=50, large_events=1, duration=0.02).run()
-    images = [ax.images[0] for ax in SpringBlock.figures(data)["onset_of_sliding"].axes if ax.images]
-    rows = [-data.elastic_force.values[:, :-1], 100 * (1 - data.attached.values), data.contact_force.values]
-    for image, values in zip(images, rows, strict=True):
-        np.testing.assert_allclose(np.ma.filled(image.get_array(), np.nan), values.T, rtol=1e-12)
-        blocks = values.shape[1]
-        assert image.get_extent() == pytest.approx((0.0, data.time.values[-1], 0.5, blocks + 0.5))
-
-
 def test_slow_fronts_are_blocks_that_move_alone() -> None:
     # 10 ms from block to block is more than the delay of 5 ms and less than 20 of them: a front of 100 blocks/s.
     alone = Breaks(0.01 * np.arange(1, 7), np.arange(6), np.full(6, 10), 0.005, np.full(8, 10))
