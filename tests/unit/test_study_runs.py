@@ -37,6 +37,13 @@ for line in sys.stdin:
     if speed == 13.0:
         print("about to die", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
+    if speed == 23.0:
+        print("PID 1234 RUNNING AT host\\nEXIT STRING: Aborted (signal 6)", flush=True)
+        print("out of luck", file=sys.stderr, flush=True)
+        sys.exit(6)
+    if speed == 29.0:
+        print("a line of a library", flush=True)
+        sys.exit(134)
     if speed == 17.0:
         time.sleep(60)
     if speed == 19.0:
@@ -168,6 +175,20 @@ def test_a_crash_costs_one_point_and_is_recorded(tmp_path):
     # Failed points are known, too, unless asked to run again.
     assert run(tmp_path, [2.0, 13.0, 19.0]).known_before == 6
     assert run(tmp_path, [2.0, 13.0, 19.0], retry=True).known_before == 2
+
+
+def test_a_crash_is_reported_with_signal_last_line_and_point(tmp_path: Path) -> None:
+    """A launcher that prints its own lines to standard output, as MPICH and Open MPI do: they are no answer."""
+    study(tmp_path, [2.0, 23.0, 29.0], [1e6])
+    done = CliRunner(env={"COLUMNS": "500"}).invoke(app, [
+        "study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--quiet",
+    ])  # fmt: skip
+    assert done.exit_code == 0, done.output
+    errors = {r["V_imp"]: r["error"] for r in read_csv(tmp_path / "out" / "table.csv")}
+    assert errors[23.0] == "the run crashed (SIGABRT): out of luck" and errors[2.0] is None
+    assert errors[29.0] == "the run crashed (SIGABRT): a line of a library"
+    assert "V_imp = 23.0: the run crashed (SIGABRT): out of luck" in done.output
+    assert not (tmp_path / "out" / ".lock").exists()
 
 
 def test_time_limit(tmp_path):

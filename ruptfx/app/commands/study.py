@@ -11,6 +11,7 @@ import typer
 from ruptfx.app.commands._shared import EXIT_ERROR, Overrides, begin, reported, screen
 
 HEADING = "Compute"
+SHOWN = 3  # failed points that are printed; all are in the table
 
 
 def study(
@@ -38,6 +39,9 @@ def study(
         found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet,
                           overwrite=overwrite)  # fmt: skip
         screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
+        for point, result in [each for each in found.points if each[1]["status"] == "failed"][:SHOWN]:
+            place = ", ".join(f"{name} = {value}" for name, value in point.coordinates.items())
+            screen.print(f"failed: {place}: {result['error']}", style="red", soft_wrap=True)
         if refine:
             screen.print(json.loads((out / "refinement.json").read_text())["summary"])
         screen.print(f"Study directory: {out} ({', '.join(path.name for path in found.files)})", soft_wrap=True)

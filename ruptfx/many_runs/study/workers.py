@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import re
 import select
 import shutil
 import signal
@@ -24,8 +25,10 @@ from ruptfx import RuptfxError, Table
 from ruptfx.many_runs.study.store import Result, commit, read_result, workspace
 from ruptfx.platform import launch
 
+SHOWN = 8  # lines of output in the message about a crash
 RECYCLE = 100  # runs after which a child is replaced, to limit memory leaks
 CASES = "ruptfx.many_runs.study.case_server"
+_SIGNAL = re.compile(r"\(signal (\d+)\)")
 _starter = ThreadPoolExecutor(1, "ruptfx-starter")
 _idle: dict[tuple[str, int], list[Child]] = {}
 _all: set[Child] = set()
@@ -49,6 +52,8 @@ class Child:
 
     def __init__(self, ranks: int, module: str = CASES) -> None:
         self.ranks, self.served = ranks, 0
+        self._output = b""
+        self._strays: list[bytes] = []
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         # A session of its own: Ctrl-C is for the study, which then ends its children. They end with the thread that
         # starts them, hence one that lasts as long as this process, and not that of a task.
@@ -78,26 +83,46 @@ class Child:
             self._process.stdin.write(json.dumps(job).encode() + b"\n")
         except OSError:
             raise ChildError(self._how_it_ended()) from None
-        answer, deadline = b"", time.monotonic() + (time_limit or 1e9)
-        while not answer.endswith(b"\n"):
+        deadline = time.monotonic() + (time_limit or 1e9)
+        while (found := self._answer()) is None:
             if not select.select([self._process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0]:
                 self.close()
                 raise ChildError(f"took longer than time_limit = {time_limit:g} s; increase it in the study")
             if not (part := os.read(self._process.stdout.fileno(), 1 << 16)):
                 raise ChildError(self._how_it_ended())
-            answer += part
+            self._output += part
         self.served += 1
-        found: Table = json.loads(answer)
         return found
 
+    def _answer(self) -> Table | None:
+        """Return the first answer in the output so far; None without one.
+
+        mpiexec itself prints to standard output when a rank aborts: lines that are no answer are kept for the message.
+        """
+        *lines, self._output = self._output.split(b"\n")
+        for number, line in enumerate(lines):
+            try:
+                found = json.loads(line)
+            except ValueError:
+                found = None
+            if isinstance(found, dict) and "status" in found:
+                self._output = b"\n".join([*lines[number + 1 :], self._output])
+                return found
+            self._strays = [*self._strays[-SHOWN:], line]
+        return None
+
     def _how_it_ended(self) -> str:
-        """Return the exit status of the child, with the end of its error output."""
+        """Return the signal or exit code of the child, with the end of its output."""
         self.close()
         code = self._process.returncode
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        launcher = b"\n".join([*self._strays, self._output]).decode(errors="replace")
+        # MPICH prints the number of the signal, Open MPI returns 128 and the number.
+        number = int(printed[1]) if (printed := _SIGNAL.search(launcher)) else -code if code < 0 else code - 128
+        how = signal.Signals(number).name if number in iter(signal.Signals) else f"exit code {code}"
         self._errors.seek(0)
-        words = [line for line in self._errors.read().decode(errors="replace").splitlines() if line.strip(" =|")]
-        return f"the run crashed ({how}): " + " / ".join(words[-8:])[-1500:]
+        errors = self._errors.read().decode(errors="replace")
+        words = [line for line in (errors.strip() or launcher).splitlines() if line.strip(" =|")]
+        return f"the run crashed ({how}): " + " / ".join(words[-SHOWN:])[-1500:]
 
     def close(self) -> None:
         """End the job immediately."""
