@@ -29,6 +29,7 @@ from ruptfx.input.schema import (
     json_schema,
     kinds,
     load_toml,
+    load_toml_file,
     nearest,
     package_of,
     set_key,
@@ -47,7 +48,6 @@ from ruptfx.laws.contact import AnyContact
 from ruptfx.laws.friction import AnyFriction
 from ruptfx.laws.materials import IN_PLANE, AnyMaterial, Material, Plane
 from ruptfx.laws.nucleation import AnyNucleation
-from ruptfx.platform.files import require_file
 from ruptfx.readings.instruments import AnyInstrument
 from ruptfx.readings.misfits import AnyMisfit, Inference, Unknown
 from ruptfx.results.cameras import AnyCamera
@@ -63,7 +63,6 @@ FOLDERS = [
 ]  # fmt: skip
 
 
-MOST_BYTES = 200_000_000  # largest size of a case file; resolved cases contain the numbers of other files
 RECORDS = {"solid": 60}
 """Interface records of a run by default where it is not 300: those of a surface are large."""
 MOST_RECORDS = 1e7
@@ -567,7 +566,7 @@ class Case(CaseFile):
             return
         together = sum(stage.duration for stage in self.stages)
         if abs(together - self.duration) > 1e-9 * self.duration:
-            raise ValueError(f"duration = {self.duration:g} s: the stages last {together:g} s together; give that")
+            raise ValueError(f"duration = {self.duration:g} s: the stages last {together:.12g} s together; give that")
         ties = [boundary for boundary in self.boundaries if boundary.tied_edges is not None]
         for number, stage in enumerate(self.stages):
             if stage.boundaries is not None and [b for b in stage.boundaries if b.tied_edges is not None] != ties:
@@ -711,14 +710,7 @@ def read_toml(path: Path) -> Table:
     """
     if (path / "case.toml").is_file():
         raise CaseError(f"{path}: a run directory; its case is {path / 'case.toml'}, and 'ruptfx resume' continues it")
-    try:
-        require_file(path, MOST_BYTES, "case files", "give a TOML file")
-        return load_toml(path.read_text(encoding="utf-8-sig"))
-    except CaseError as error:
-        raise CaseError(f"{path}: {error}") from None
-    except (OSError, ValueError) as error:  # ValueError: no regular file, invalid file name, bytes that are not text
-        said = str(getattr(error, "strerror", None) or error)
-        raise CaseError(said if said.startswith(f"{path}: ") else f"{path}: cannot be read: {said}") from None
+    return load_toml_file(path)
 
 
 def override(table: Table, item: str) -> None:

@@ -33,7 +33,7 @@ from ruptfx.input.schema import (
     installed,
     kind_in,
     load_error,
-    load_toml,
+    load_toml_file,
     own_kinds,
     plugged,
     set_key,
@@ -412,7 +412,7 @@ class CaseFile(Part):
         """
         loaded = {(plugin.path.name, plugin.digest) for plugin in self.plugin_files()}
         try:
-            table = load_toml((directory / run_files.CASE).read_text(encoding="utf-8"))
+            table = load_toml_file(directory / run_files.CASE)
             sources = digests(directory, table.get("plugins", []))
             if loaded.issuperset(sources) and table.get("kind") == self.table().get("kind"):
                 table.pop("kind", None)  # of a lumped model: its class

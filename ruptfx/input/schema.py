@@ -51,6 +51,9 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from ruptfx import RuptfxError, Table
 from ruptfx.input.former_names import warn_of_former
 from ruptfx.input.quantities import parse
+from ruptfx.platform.files import require_file
+
+MOST_BYTES = 200_000_000  # largest size of a case file; resolved cases contain the numbers of other files
 
 
 class CaseError(RuptfxError):
@@ -157,6 +160,24 @@ def load_toml(text: str) -> Table:
         raise CaseError(f"not valid TOML: {error}") from None
     check_tables(table)
     return table
+
+
+def load_toml_file(path: Path) -> Table:
+    """Return the tables of a TOML file.
+
+    Raises
+    ------
+    CaseError
+        No regular file, too large, or not TOML.
+    """
+    try:
+        require_file(path, MOST_BYTES, "case files", "give a TOML file")
+        return load_toml(path.read_text(encoding="utf-8-sig"))
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None
+    except (OSError, ValueError) as error:  # ValueError: no regular file, invalid file name, bytes that are not text
+        said = str(getattr(error, "strerror", None) or error)
+        raise CaseError(said if said.startswith(f"{path}: ") else f"{path}: cannot be read: {said}") from None
 
 
 def plain(value: object) -> object:

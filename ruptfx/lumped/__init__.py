@@ -11,7 +11,6 @@ import math
 import shlex
 import threading
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import copy_context
@@ -22,7 +21,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__
 from ruptfx.input.plugins import CaseFile, active, named
-from ruptfx.input.schema import Alternative, Part, find, kinds
+from ruptfx.input.schema import Alternative, CaseError, Part, find, kinds, load_toml_file
 from ruptfx.platform import run_files
 from ruptfx.results.directories import is_finished, prepare, refuse_links, replace, reserved
 from ruptfx.results.hdf5 import write_netcdf
@@ -304,9 +303,9 @@ def redraw(
     """
     dataset = read_result(run)
     try:
-        table = tomllib.loads((Path(run) / "case.toml").read_text(encoding="utf-8"))
+        table = load_toml_file(Path(run) / "case.toml")
         kind = table["kind"]
-    except (OSError, ValueError, KeyError) as error:
+    except (CaseError, KeyError) as error:
         raise RuptfxError(f"{run}: case.toml is missing or damaged ({error}); run the case again") from None
     known = kind in kinds("ruptfx.lumped")
     if table.get("plugins") and not (known or trust):

@@ -9,7 +9,6 @@ checksums of all files, and, written last, ``summary.json``: a run that has it i
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -185,11 +184,14 @@ class Files:
 
     @cached_property
     def case(self) -> Table:
+        from ruptfx.input.schema import CaseError, load_toml_file  # on first use: it loads pydantic
+
         path = self._existing("case.toml")
         try:
-            return tomllib.loads(path.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise RecordError(f"{path}: damaged ({error}); copy the case file of the run there") from None
+            return load_toml_file(path)
+        except CaseError as error:
+            reason = str(error).removeprefix(f"{path}: ")
+            raise RecordError(f"{path}: damaged ({reason}); copy the case file of the run there") from None
 
     @property
     def complete(self) -> bool:

@@ -3,14 +3,16 @@
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+import xarray
 from helpers import synthetic
 from helpers.messages import facts
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, lumped
 from ruptfx.input.former_names import FormerName
 from ruptfx.results.record import Files, Record, RecordError
 
@@ -225,3 +227,17 @@ def test_damaged_text_is_named(run, name, ask):
     (run / name).write_text("= {")
     with pytest.raises(RecordError, match=facts(rf"{name}: damaged")):
         ask(Record(run))
+
+
+@pytest.mark.parametrize("text", ["x = " + 5000 * "[" + 5000 * "]", "x = 1" + 5000 * "0", "a" + 50_000 * ".a" + " = 1"],
+                         ids=["brackets", "integer", "levels"])  # fmt: skip
+def test_case_files_that_no_reader_can_hold_are_refused_by_records(run: Path, tmp_path: Path, text: str) -> None:
+    """The parser alone raises RecursionError, or takes minutes and gigabytes for 50 000 levels."""
+    (run / "case.toml").write_text(text)
+    with pytest.raises(RecordError, match=facts(r"case\.toml: damaged")):
+        _ = Record(run).case
+    (tmp_path / "lumped").mkdir()
+    (tmp_path / "lumped" / "case.toml").write_text(text)
+    xarray.Dataset().to_netcdf(tmp_path / "lumped" / "result.nc", engine="h5netcdf")
+    with pytest.raises(RuptfxError, match=facts(r"lumped: case\.toml is missing or damaged")):
+        lumped.redraw(tmp_path / "lumped")

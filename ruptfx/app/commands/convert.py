@@ -25,10 +25,9 @@ def convert(
     Example: ruptfx convert Par.inp --out fault.toml --without GENERAL.W
     """
     with reported():
-        import tomllib
-
         from ruptfx.app.convert.sem2dpack import convert_file
         from ruptfx.case import parse_case
+        from ruptfx.input.schema import load_toml
 
         case = out or file.with_suffix(".toml")
         mesh = case.with_suffix(".msh")
@@ -36,7 +35,7 @@ def convert(
         for path in (case, mesh) if found.mesh else (case,):
             if path.exists():
                 raise RuptfxError(f"{path}: exists already; choose another --out, or remove it")
-        parse_case(tomllib.loads(found.text))
+        parse_case(load_toml(found.text))
         with writing(case.parent, [file]) as files:
             (files.place / case.name).write_text(found.text, encoding="utf-8")
             if found.mesh:

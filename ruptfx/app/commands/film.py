@@ -72,12 +72,14 @@ def _table(text: str) -> dict[str, object]:
     RuptfxError
         It is no TOML.
     """
-    import tomllib
+    from ruptfx.input.schema import CaseError, load_toml
 
     try:
-        found: dict[str, object] = tomllib.loads(f"camera = {text}")["camera"]
-    except tomllib.TOMLDecodeError as error:
-        raise RuptfxError(f"--camera {text}: not a table of TOML: {error}") from None
+        found = load_toml(f"camera = {text}")["camera"]
+    except CaseError as error:
+        raise RuptfxError(f"--camera {text}: {error}") from None
+    if not isinstance(found, dict):
+        raise RuptfxError(f"--camera {text}: is no table; write one in braces, or the name of a camera")
     return {"name": "camera", **found}
 
 
