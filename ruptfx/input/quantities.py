@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from fractions import Fraction
 
 _PREFIXES = {
@@ -163,3 +164,19 @@ def with_prefix(value: float, unit: str, digits: int = 3) -> str:
     rounded = float(f"{value:.{digits - 1}e}")
     power = min(max(math.floor(math.log10(abs(rounded)) / 3), -3), 3 if unit != "s" else 0)
     return f"{rounded / 1000.0**power:.{digits}g} {'num kMG'[power + 3].strip()}{unit}"
+
+
+def at_most(bound: float, digits: int = 6) -> str:
+    """Return an upper bound as text of a few digits that is not above it, so that a case may give what is printed."""
+    return _rounded(bound, digits, ROUND_FLOOR)
+
+
+def at_least(bound: float, digits: int = 6) -> str:
+    """Return a lower bound as text of a few digits that is not below it, so that a case may give what is printed."""
+    return _rounded(bound, digits, ROUND_CEILING)
+
+
+def _rounded(bound: float, digits: int, rounding: str) -> str:
+    if not math.isfinite(bound):
+        return f"{bound:g}"
+    return f"{float(Context(digits, rounding).create_decimal(repr(float(bound)))):.{digits}g}"

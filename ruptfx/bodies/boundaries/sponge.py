@@ -8,6 +8,7 @@ import numpy as np
 
 from ruptfx.bodies.boundaries import Action
 from ruptfx.bodies.boundaries.absorbing import Absorbing
+from ruptfx.input.quantities import at_most
 from ruptfx.input.schema import CaseError
 from ruptfx.input.units import Length
 from ruptfx.platform import parallel
@@ -84,7 +85,7 @@ class Sponge(Absorbing):
             )
         if self.width > deep * (1 + FLAT):
             raise CaseError(
-                f"{key}.width = {self.width:.6g} m: '{self.edge}' has {deep:.6g} m of its bodies behind it; make the "
-                "layer narrower, or the body larger"
+                f"{key}.width = {self.width:.6g} m: '{self.edge}' has {at_most(deep)} m of its bodies behind it; make "
+                "the layer narrower, or the body larger"
             )
         return normal, distance

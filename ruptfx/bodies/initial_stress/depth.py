@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from ruptfx.bodies.initial_stress import BodyStress
 from ruptfx.input.profiles import evaluate
+from ruptfx.input.quantities import at_least
 from ruptfx.input.schema import CaseError, Part, Unit
 from ruptfx.input.units import Coordinate, Density, VaryingFactor, VaryingRatio
 
@@ -90,7 +91,7 @@ class Depth(BodyStress):
         if highest > 1e-6 * max(float(np.abs(depth).max(initial=0.0)), abs(self.surface)):
             raise CaseError(
                 f"initial_stress.surface = {self.surface:g} m: the bodies reach {highest:.6g} m higher, where the rock "
-                f"would be under tension; make it {self.surface + highest:.6g}"
+                f"would be under tension; make it {at_least(self.surface + highest)}"
             )
         return np.maximum(depth, 0.0)
 

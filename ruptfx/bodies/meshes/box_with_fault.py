@@ -11,6 +11,7 @@ from ruptfx.bodies.meshes import MeshSource
 from ruptfx.bodies.meshes._bricks import Bricks
 from ruptfx.bodies.meshes._lattice import affordable, row_levels
 from ruptfx.input.profiles import evaluate
+from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, Unit
 from ruptfx.input.units import Coordinate, Length, VaryingHeight
 
@@ -70,7 +71,7 @@ class BoxWithFault(MeshSource):
             if value < 1.5 * self.element_size:
                 raise ValueError(
                     f"{name} = {value:g} m: a fault has at least two elements along each direction; make element_size "
-                    f"at most {value / 2:g} m"
+                    f"at most {at_most(value / 2)} m"
                 )
         return self
 
@@ -129,7 +130,7 @@ class BoxWithFault(MeshSource):
         if largest > FLATTEST * self.distance:
             raise CaseError(
                 f"mesh.height: up to {largest:.5g} m, more than {FLATTEST:g} of distance = {self.distance:g} m, over "
-                f"which the box follows the fault; make distance at least {largest / FLATTEST:.5g}, or the fault "
+                f"which the box follows the fault; make distance at least {at_least(largest / FLATTEST)}, or the fault "
                 "smoother"
             )
 

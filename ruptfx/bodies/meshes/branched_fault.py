@@ -13,6 +13,7 @@ from ruptfx.bodies.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.bodies.meshes._cut import Facets, places
 from ruptfx.bodies.meshes._gmsh import session
 from ruptfx.bodies.meshes._lattice import affordable
+from ruptfx.input.quantities import at_most
 from ruptfx.input.schema import Unit
 from ruptfx.input.units import Coordinate, Length
 
@@ -70,7 +71,7 @@ class BranchedFault(MeshSource):
         if self.branch_length < nearest:
             raise ValueError(
                 f"branch_length = {self.branch_length:g} m: must be at least two elements; make element_size at most "
-                f"{self.branch_length / 2:g} m"
+                f"{at_most(self.branch_length / 2)} m"
             )
         return self
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from ruptfx.input.profiles._self_affine import SelfAffineField
+from ruptfx.input.quantities import at_least
 
 MOST_WAVES = 200_000
 
@@ -32,7 +33,7 @@ class SelfAffineSurface(SelfAffineField):
         if ratio * ratio > MOST_WAVES:  # a product is infinite where a power of numbers raises an error
             raise ValueError(
                 f"shortest = {self.shortest:g} m: {2 * ratio * ratio:.3g} waves in a square of "
-                f"length = {self.length:g} m; make it at least {self.length / np.sqrt(MOST_WAVES):.3g}"
+                f"length = {self.length:g} m; make it at least {at_least(self.length / np.sqrt(MOST_WAVES))}"
             )
 
     def _waves(self) -> np.ndarray:

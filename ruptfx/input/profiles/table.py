@@ -10,6 +10,7 @@ from pydantic import ValidationInfo, field_validator, model_validator
 from ruptfx.input.number_files import with_file_read
 from ruptfx.input.profiles import Profile, Value
 from ruptfx.input.profiles.places import Position
+from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError
 
 
@@ -59,8 +60,8 @@ class Table(Profile):
         if not self.extend and len(position) and not first - slack <= position.min() <= position.max() <= last + slack:
             raise CaseError(
                 f"the table from {first:.6g} to {last:.6g} m does not cover the interface or body, which has "
-                f"points from {position.min():.6g} to {position.max():.6g} m; add to the table, or set extend = true "
-                "to go on with its first and last value"
+                f"points from {at_most(position.min())} to {at_least(position.max())} m; add to the table, or set "
+                "extend = true to go on with its first and last value"
             )
         if self.interpolation == "cubic":
             from scipy.interpolate import CubicSpline

@@ -263,8 +263,8 @@ class Interface:
         if away[best] > most:
             raise RuptfxError(
                 f"({point[0]:.6g}, {point[1]:.6g}) m is {away[best]:.4g} m from the interface, at most {most:.4g} m "
-                f"(a hundredth of its extent) are taken; its nearest point is ({feet[best, 0]:.6g}, "
-                f"{feet[best, 1]:.6g}) m"
+                f"(a hundredth of its extent) are taken; its nearest point is ({feet[best, 0]:.12g}, "
+                f"{feet[best, 1]:.12g}) m"
             )
         return float(position[best] + part[best] * (position[best + 1] - position[best])), feet[best]
 

@@ -13,6 +13,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from ruptfx.input.profiles import Profile
+from ruptfx.input.quantities import at_least
 from ruptfx.input.schema import CaseError, Part
 from ruptfx.input.units import VaryingDensity, VaryingModulus, VaryingPoissonRatio, VaryingSpeed
 from ruptfx.laws.materials import Material, Plane, WaveSpeeds
@@ -73,7 +74,8 @@ class ByWaveSpeeds(Part):
             return first, second
         r = (self.c_p / self.c_s) ** 2
         if r <= 4 / 3:
-            raise ValueError(f"c_p = {self.c_p:g}: must be more than sqrt(4/3) c_s = {sqrt(4 / 3) * self.c_s:g}")
+            least = at_least(sqrt(4 / 3) * self.c_s)
+            raise ValueError(f"c_p = {self.c_p:g}: must be more than sqrt(4/3) c_s = {least}")
         nu = (r - 2) / (2 * (r - 1))
         return 2 * self.density * self.c_s**2 * (1 + nu), nu
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from ruptfx.input.quantities import at_most
 from ruptfx.input.units import Frequency
 from ruptfx.laws.materials._relaxing import Relaxing
 
@@ -43,7 +44,7 @@ class StandardLinearSolids(Relaxing):
         if self.Q_p > (most := float(np.min(0.75 * (first + 2 * shear) / shear)) * self.Q_s):
             raise ValueError(
                 f"Q_p = {self.Q_p:g}: the bulk modulus would not dissipate; with Q_s = {self.Q_s:g} use at most "
-                f"{most:.6g}"
+                f"{at_most(most)}"
             )
         if any(np.min(y) < 0 for of_wave in self.coefficients for y in of_wave) or any(
             np.max(sum(of_wave)) >= 1 for of_wave in self.coefficients

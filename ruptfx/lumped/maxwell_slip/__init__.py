@@ -17,6 +17,7 @@ import xarray
 from pydantic import Field, model_validator
 from scipy.stats import beta
 
+from ruptfx.input.quantities import at_least
 from ruptfx.input.schema import Unit
 from ruptfx.input.units import Fraction, NonNegative, Positive, Speed
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
@@ -73,7 +74,8 @@ class MaxwellSlip(LumpedModel):
         # Every block has slipped after a drive displacement of 2 mu_s N_b / k; then the ensemble is periodic.
         needed = self.mu_s / (self.mu_s - self.mu_d) + 1
         if self.periods < needed:
-            raise ValueError(f"periods = {self.periods:g}: must be at least {needed:.3g}, when all blocks have slipped")
+            least = at_least(needed, 4)
+            raise ValueError(f"periods = {self.periods:g}: must be at least {least}, when all blocks have slipped")
         return self
 
     @property

@@ -9,6 +9,7 @@ import xarray
 from pydantic import Field, model_validator
 
 from ruptfx import RuptfxError
+from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import Unit
 from ruptfx.input.units import Duration, Fraction, Length, NonNegative, Positive, Rate, Speed
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
@@ -87,12 +88,12 @@ class SpringBlock(LumpedModel):
         if abs(self.tilt) >= 0.95:
             raise ValueError(
                 f"loading_height = {self.loading_height:g}: the trailing edge would lift off, "
-                f"keep it below {0.95 * self.length / (6 * self.force_over_load):.3g} m"
+                f"keep it below {at_most(0.95 * self.length / (6 * self.force_over_load), 4)} m"
             )
         if self.sample_interval < self.chain().stable_step():
             raise ValueError(
                 f"sample_interval = {self.sample_interval:g} s: must be at least the largest stable step, "
-                f"{self.chain().stable_step():.3g} s, which follows from masses and stiffnesses"
+                f"{at_least(self.chain().stable_step(), 4)} s, which follows from masses and stiffnesses"
             )
         return self
 

@@ -19,6 +19,7 @@ from math import comb
 import numpy as np
 
 from ruptfx import RuptfxError
+from ruptfx.input.quantities import at_least
 
 
 def passed(segments: int, checkpoints: int) -> int:
@@ -135,7 +136,7 @@ def schedule(steps: int, of_step: float, of_checkpoint: float, most: float) -> S
         return Schedule(steps, steps, 0, whole)
     if 2 * of_step > most:
         raise RuptfxError(
-            f"the history of the interfaces of one step needs {2e-9 * of_step:.3g} GB of memory, and at most "
+            f"the history of the interfaces of one step needs {at_least(2e-9 * of_step, 4)} GB of memory, and at most "
             f"{most / 1e9:.3g} GB are allowed; use larger elements, or allow more with --memory"
         )
     largest = min(int((most - 2 * of_step) // of_checkpoint), steps - 1)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx.input.profiles import evaluate
+from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, nearest, unit_of
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.mechanisms import mechanisms_of
@@ -154,8 +155,8 @@ def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Float
         raise CaseError(f"{key}.shape = 'knots': knots are along lines, and this is a surface; use 'number'")
     if knots.max() < position.min() or knots.min() > position.max():
         raise CaseError(
-            f"{key}.knots = {unknown.knots}: the interface lies from {position.min():g} m to "
-            f"{position.max():g} m; place knots there"
+            f"{key}.knots = {unknown.knots}: the interface lies from {at_least(position.min())} m to "
+            f"{at_most(position.max())} m; place knots there"
         )
     found = np.array([np.interp(position, knots, row) for row in np.eye(len(knots))]).T
     empty = ~found.any(axis=0)

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from ruptfx import Table
 from ruptfx.case import Case, override, parse_case, read_toml
-from ruptfx.input.quantities import require_units, si_and_units
+from ruptfx.input.quantities import at_least, at_most, require_units, si_and_units
 from ruptfx.input.schema import CaseError, CasePath, Name, Part, nearest, set_key, unit_of_key
 from ruptfx.input.units import Duration, Fraction
 from ruptfx.many_runs.study.goals import Search
@@ -313,7 +313,8 @@ class Study(Part):
             low, high = sampled[name].range or (-math.inf, math.inf)
             if not low <= value <= high:
                 raise ValueError(
-                    f"search.start.{name} = {value:g}: outside of its range, {low:g} to {high:g}; give a value in it"
+                    f"search.start.{name} = {value:g}: outside of its range, {at_least(low)} to {at_most(high)}; give "
+                    "a value in it"
                 )
         for number, goal in enumerate(search.goals):
             for name, value in goal.where.items():

@@ -12,6 +12,7 @@ import numpy as np
 from ruptfx.bodies.space.edges import Edge
 from ruptfx.bodies.space.inside import CellBoxes, Inside
 from ruptfx.input.fields import FIELDS, STRESSES, stress_entries
+from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, nearest
 from ruptfx.laws.materials.stiffness import tangent_stiffness
 from ruptfx.platform import parallel
@@ -140,8 +141,8 @@ class ModelReadings:
         slack = 1e-9 * face.line.length
         if not face.line.first - slack <= position <= face.line.last + slack:
             raise CaseError(
-                f"{key} = {position:.6g} m: must be on the interface, {face.line.first:.6g} to "
-                f"{face.line.last:.6g} m"
+                f"{key} = {position:.6g} m: must be on the interface, {at_least(face.line.first)} to "
+                f"{at_most(face.line.last)} m"
             )
         rows = parallel.share_rows(self.model.comm, np.column_stack([face.number, face.position])[face.owned])
         numbers, positions = rows[np.argsort(rows[:, 0])].T

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ruptfx import RuptfxError
+from ruptfx.input.quantities import at_most
 from ruptfx.results.analysis.photoelasticity import (
     fringe_order,
     intensity,
@@ -168,9 +169,8 @@ class Camera:
                 raise RuptfxError(f"camera: {name} = {getattr(self, name)}: must be above zero")
         if self.exposure * self.frame_rate > 1:
             raise RuptfxError(
-                f"camera: exposure = {self.exposure:g} s: longer than the {1 / self.frame_rate:g} s from frame to "
-                "frame; "
-                "make it shorter"
+                f"camera: exposure = {self.exposure:g} s: longer than the {at_most(1 / self.frame_rate)} s from frame "
+                "to frame; make it shorter"
             )
 
     def light(self, stress: Array, per_stress: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import TypeAdapter, ValidationError
 
 from ruptfx import RuptfxError
+from ruptfx.input.quantities import at_most
 from ruptfx.input.schema import Alternative, CaseError, Name, alternative, nearest
 from ruptfx.input.units import Duration, Frequency, Length
 from ruptfx.laws.materials import Plane
@@ -46,9 +47,8 @@ class Camera(Alternative):
         """
         if self.exposure * self.frame_rate > 1:
             raise ValueError(
-                f"{key}.exposure = {self.exposure:g} s: longer than the {1 / self.frame_rate:.4g} s from frame to "
-                "frame; "
-                "make it shorter"
+                f"{key}.exposure = {self.exposure:g} s: longer than the {at_most(1 / self.frame_rate)} s from frame "
+                "to frame; make it shorter"
             )
 
     def film(self, record: Record) -> xarray.DataArray:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import Table
+from ruptfx.input.quantities import at_least
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.mechanisms.memory import inelastic_force
 from ruptfx.readings.filter import low_pass
@@ -124,8 +125,8 @@ class Samples:
             key = f"instruments.{number}"
             if instrument.interval < dt * (1 - SLACK) and not case.stepper.adaptive:
                 raise CaseError(
-                    f"{key}.interval = {instrument.interval:.6g} s: below the time step of {dt:.6g} s, between which "
-                    "nothing is known; make it longer, or the step shorter with stepper.time_step"
+                    f"{key}.interval = {instrument.interval:.6g} s: below the time step of {at_least(dt)} s, between "
+                    "which nothing is known; make it longer, or the step shorter with stepper.time_step"
                 )
             self.instruments.append((instrument, instrument.channels(readings, key)))
         channels = [channel for _, found in self.instruments for channel in found]

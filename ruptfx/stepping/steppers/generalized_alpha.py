@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ruptfx.bodies.spectrum import stable_time_step
+from ruptfx.input.quantities import at_least
 from ruptfx.input.units import Duration, Positive
 from ruptfx.laws.contact import Way
 from ruptfx.platform import parallel
@@ -78,7 +79,7 @@ class GeneralizedAlpha(Stepper):
             raise ValueError(f"spectral_radius = {self.spectral_radius:g}: must be 0.5 to 1 with scheme = 'hht'")
         if self.beta is not None and self.beta < 0.5 * (self.gamma or 0.5):
             raise ValueError(
-                f"beta = {self.beta:g}: unstable, it must be gamma / 2 = {0.5 * (self.gamma or 0.5):g} or more"
+                f"beta = {self.beta:g}: unstable, it must be gamma / 2 = {at_least(0.5 * (self.gamma or 0.5))} or more"
             )
         return self
 

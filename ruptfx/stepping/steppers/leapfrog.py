@@ -10,6 +10,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.bodies.operators import FusedOperator
 from ruptfx.bodies.spectrum import springs_of, stable_time_step
+from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError
 from ruptfx.input.units import Duration, Fraction
 from ruptfx.interfaces.mechanisms import Floats, mechanisms_of
@@ -56,9 +57,9 @@ class Leapfrog(Stepper):
         for number, stage in enumerate(model.case.stages):
             if stage.duration < (1 - 1e-6) * step:
                 raise CaseError(
-                    f"stages.{number}.duration = {stage.duration:.4g} s: shorter than a time step of {step:.4g} s; "
-                    "make it at least that long, or set the time_step of the stepper 'leapfrog' to "
-                    f"{stage.duration:.4g} s or less"
+                    f"stages.{number}.duration = {stage.duration:.4g} s: shorter than a time step of {at_least(step)} "
+                    "s; make it at least that long, or set the time_step of the stepper 'leapfrog' to "
+                    f"{at_most(stage.duration)} s or less"
                 )
         return self.model_copy(update={"time_step": step})
 
@@ -68,7 +69,7 @@ class Leapfrog(Stepper):
             return parallel.three_digits(self.safety * stable)
         if self.time_step > stable:
             raise CaseError(
-                f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {stable:.4g} s, "
+                f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {at_most(stable)} s, "
                 f"{what_limits(model, stable)}; reduce it, or leave it out"
             )
         return self.time_step
