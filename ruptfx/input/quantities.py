@@ -35,26 +35,30 @@ _SYMBOLS: dict[str, tuple[Fraction, dict[str, int]]] = {
     "%": (Fraction(1, 100), {}),
     "1": (Fraction(1), {}),
 }
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![eE][+-]?\d)\s*([^\d\s.].*?|1/.*?)\s*")
-_FACTOR = re.compile(r"([A-Za-zµμ%]+|1)\^?(-?\d+)?")
+_MICROSTRAIN = ("microstrain", "ustrain", "µstrain", "μstrain", "ue", "µε", "με")
+# Exponents are short: a power of ten with a million digits takes minutes, and floats end at 1e308.
+_QUANTITY = re.compile(
+    r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)(?![eE]?[+-]?\d)\s*([^\d\s.].*?|1/.*?)\s*"
+)
+_FACTOR = re.compile(r"([A-Za-zµμε%]+|1)\^?(-?\d{1,2})?")
 
 
-def parse(text: str, unit: str) -> float:
+def parse(text: str, unit: str | None) -> float:
     """Return the number in the unit of a key, from text such as "6 MPa".
 
     Parameters
     ----------
     text : str
         A number and a unit.
-    unit : str
-        Unit of the key, for example ``Pa``.
+    unit : str or None
+        Unit of the key, for example ``Pa``; None for the SI unit of the text.
 
     Raises
     ------
     ValueError
         If the text is no number with a unit, or the unit is unknown or of another kind.
     """
-    example = "'2 %'" if unit == "1" else f"'2 {unit}'"
+    example = "'2 %'" if unit == "1" else f"'2 {unit or 'm'}'"
     found = _QUANTITY.fullmatch(text)
     if found is None:
         raise ValueError(f"input should be a valid number, or one with a unit, such as {example}")
@@ -62,6 +66,8 @@ def parse(text: str, unit: str) -> float:
         return float(Fraction(found[1]) * factor(found[2], unit))
     except OtherKind as error:
         raise ValueError(f"{error}; write for example {example}") from None
+    except OverflowError:
+        raise ValueError(f"{text}: is larger than any number; write for example {example}") from None
 
 
 def in_si(text: str) -> float | None:
@@ -69,7 +75,7 @@ def in_si(text: str) -> float | None:
     found = _QUANTITY.fullmatch(text)
     try:
         return None if found is None else float(Fraction(found[1]) * factor(found[2], None))
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
 
 
@@ -142,10 +148,13 @@ def _unit(text: str) -> tuple[Fraction, Counter[str]]:
 def _symbol(name: str) -> tuple[Fraction, dict[str, int]]:
     if name in _SYMBOLS:
         return _SYMBOLS[name]
+    if name in _MICROSTRAIN:  # without "strain": columns are called so
+        return Fraction(1, 10**6), {}
     if name[0] in _PREFIXES and name[1:] in _SYMBOLS and name[1:] not in ("%", "1", "min", "d", "yr", "deg", "t"):
         scale, base = _SYMBOLS[name[1:]]
         return _PREFIXES[name[0]] * scale, base
-    raise ValueError(f"unknown unit '{name}'; known: {', '.join(_SYMBOLS)}, and n, u, m, c, k, M, G before them")
+    raise ValueError(f"unknown unit '{name}'; known: {', '.join(_SYMBOLS)}, n, u, m, c, k, M, G before "
+                     "them, and microstrain (ustrain, ue)")
 
 
 def with_prefix(value: float, unit: str, digits: int = 3) -> str:

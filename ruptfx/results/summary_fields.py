@@ -108,12 +108,13 @@ DESCRIPTIONS = {
 }
 """Descriptions by name, in the order of the file; undefined values are null there."""
 
-_UNITS = {"wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s"}
+_UNITS = {"wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s", "seconds": "s", "run_time": "s"}
 
 
 def unit(name: str) -> str:
-    """Return the unit of a field, empty for names and pure numbers."""
-    return (UNITS | _UNITS).get(name.rpartition(".")[2], "")
+    """Return the unit of a field, empty for names and pure numbers; energies of plane models are per metre."""
+    name = name.rpartition(".")[2]
+    return (UNITS | _UNITS).get(name, "J" if name.startswith("energy_") and name != "energy_closure" else "")
 
 
 def flat(summary: Table) -> Table:

@@ -88,7 +88,10 @@ def test_signals_without_common_times_are_refused() -> None:
         misfit(TIME, pulse(TIME), TIME, 0 * TIME)
 
 
-@pytest.mark.parametrize("second", ["45 deg (um/m)", "extension_2 (um/m)", "G1.extension_2 (um/m)", "45° (um/m)"])
+@pytest.mark.parametrize("second", [
+    "45 deg (um/m)", "extension_2 (um/m)", "G1.extension_2 (um/m)", "45° (um/m)", "45 deg (ue)", "extension_2 (µε)",
+    "45 deg [microstrain]", "extension_2 (ustrain)",
+])  # fmt: skip
 def test_columns_are_found_by_name_or_angle_and_their_units_count(second: str, tmp_path: Path) -> None:
     t = TIME[::3]
     file = saved(tmp_path / "gauge.csv", f"time (us),trigger (V),{second}", 1e6 * t, 0 * t, 1e6 * pulse(t) / 2)

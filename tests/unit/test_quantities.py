@@ -9,7 +9,7 @@ from helpers.messages import facts
 from helpers.small_cases import merged, plates
 
 from ruptfx.case import parse_case
-from ruptfx.input.quantities import parse
+from ruptfx.input.quantities import at_least, at_most, parse
 from ruptfx.input.schema import CaseError
 
 
@@ -33,9 +33,11 @@ from ruptfx.input.schema import CaseError
         ("30 s", "min", 0.5),
         ("2 %", "1", 0.02),
         ("180 deg", "rad", 3.141592653589793),
+        *((f"250 {unit}", "1", 250e-6) for unit in ("ue", "ustrain", "microstrain", "\u00b5\u03b5", "\u03bc\u03b5")),
+        ("0.25 m/s", None, 0.25),
     ],
 )
-def test_numbers_with_units(text: str, unit: str, number: float) -> None:
+def test_numbers_with_units(text: str, unit: str | None, number: float) -> None:
     assert parse(text, unit) == number
 
 
@@ -47,6 +49,13 @@ def test_numbers_with_units(text: str, unit: str, number: float) -> None:
         ("60 mm", "a value in s is wanted, and mm is of another kind"),
         ("6 parsec", "unknown unit 'parsec'; known: m, g"),
         ("6 kmin", "unknown unit 'kmin'"),
+        ("6 mue", "unknown unit 'mue'"),
+        ("6 ue", "a value in s is wanted, and ue is of another kind"),
+        ("1e999 s", "1e999 s: is larger than any number"),
+        # Powers of ten with so many digits took minutes.
+        ("1e99999999 s", "input should be a valid number"),
+        ("1e-99999999 s", "input should be a valid number"),
+        ("1 km^99999999", "unknown unit"),
     ],
 )
 def test_what_is_no_time(text: str, message: str) -> None:
@@ -60,6 +69,13 @@ def unknown_shear(noise: object = 0.01, **unknown: object) -> dict[str, Any]:
     key = {"key": "faults.main.initial_stress.shear", "shape": "number", **unknown}
     receiver = {"kind": "fault_receiver", "name": "end", "interval": 1e-7, "position": 6e-3}
     return plates({"objective": [term], "unknowns": [key], "instruments": [receiver]})
+
+
+def test_bounds_are_printed_so_that_they_hold() -> None:
+    assert (at_most(1.23456789e-8), at_least(1.23456789e-8)) == ("1.23456e-08", "1.23457e-08")
+    assert (at_most(-2.0000001), at_least(-2.0000001)) == ("-2.00001", "-2")
+    assert at_most(20000.1) == at_least(20000.1) == "20000.1"  # the nearest float is below it
+    assert (at_most(float("inf")), at_least(0.0)) == ("inf", "0")
 
 
 def test_numbers_whose_unit_another_key_names() -> None:

@@ -249,6 +249,23 @@ def test_a_search_begins_with_its_start_under_all_values_of_the_other_axes(tmp_p
     assert axis.part(1e-6) == 0 and axis.part(1e-5) == pytest.approx(0.5) and axis.part(1e-4) == pytest.approx(1)
 
 
+def test_goals_take_units():
+    goals = [
+        {"quantity": "tip_speed", "target": "1.9 km/s", "scale": "50 m/s"},
+        {"quantity": "max_slip", "at_least": "3 um"}, {"quantity": "energy_kinetic", "at_most": "2 kJ"},
+        {"quantity": "interfaces.main.pulse_degree", "at_least": "50 %"},
+        {"quantity": "mean_large_drop", "at_most": "3 kN"},  # of a lumped model
+    ]  # fmt: skip
+    given = [[getattr(goal, name) for name in ("target", "scale", "at_least", "at_most")]
+             for goal in Search(goals=goals).goals]  # fmt: skip
+    none = None
+    assert given == [[1900.0, 50.0, none, none], [none, none, 3e-6, none], [none, none, none, 2e3],
+                     [none, none, 0.5, none], [none, none, none, 3e3]]  # fmt: skip
+    for wrong in ({"quantity": "max_slip", "at_least": "3 Pa"}, {"quantity": "crack_degree", "at_least": "3 m"}):
+        with pytest.raises(CaseError, match=facts(rf"goals\.0: at_least = '{wrong['at_least']}': ")):
+            Search(goals=[wrong])
+
+
 def test_degrees_of_goals_and_score():
     goals = [
         {"quantity": "a", "target": 3.0, "scale": 2.0}, {"quantity": "b", "at_least": 4.0},

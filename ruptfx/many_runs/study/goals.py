@@ -9,14 +9,17 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from ruptfx import Table
+from ruptfx.input.quantities import parse
 from ruptfx.input.schema import CaseError, Part
 from ruptfx.input.units import Fraction
+from ruptfx.results import summary_fields
 
 Positive = Annotated[float, Field(gt=0)]
+NUMBERS = ("target", "scale", "at_least", "at_most")
 
 
 class Goal(Part):
-    """Target or bound of a quantity of the summary; a run reaches it to a degree from 0 to 1.
+    """Target or bound of a quantity of the summary, in its unit; a run reaches it to a degree from 0 to 1.
 
     With `target` the degree is 1 / (1 + ((q - target) / scale)^2), with `at_least` q over it and with `at_most` it
     over q, at most 1. Runs that failed or lack the quantity have the degree 0.
@@ -34,6 +37,20 @@ class Goal(Part):
     """Smallest value of degree 1."""
     at_most: Positive | None = None
     """Largest value of degree 1."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_units(cls, values: object) -> object:
+        """Convert text such as "2 km/s" to the unit of the quantity; to SI if that is unknown (lumped models)."""
+        if not isinstance(values, Mapping):
+            return values
+        quantity = str(values.get("quantity"))
+        unit = summary_fields.unit(quantity) or ("1" if quantity in summary_fields.DESCRIPTIONS else None)
+        texts = {name: text for name in NUMBERS if isinstance(text := values.get(name), str)}
+        try:
+            return {**values, **{name: parse(text, unit) for name, text in texts.items()}}
+        except ValueError as error:
+            raise ValueError(f"{', '.join(f'{name} = {text!r}' for name, text in texts.items())}: {error}") from None
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Goal:

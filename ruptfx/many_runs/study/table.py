@@ -13,7 +13,7 @@ import xarray
 from ruptfx import Table
 from ruptfx.many_runs.study.definition import Point, Study
 from ruptfx.many_runs.study.store import Result
-from ruptfx.results.analysis import UNITS
+from ruptfx.results import summary_fields
 
 Row = Table
 TIMINGS = ("wall_time", "node_updates_per_second", "seconds", "run_time")
@@ -78,10 +78,8 @@ def dataset(study: Study, table: Sequence[Row]) -> xarray.Dataset:
 
 
 def unit_of(name: str) -> str:
-    """Return the unit of a column; energies of plane models are per metre of thickness."""
-    if name in (*TIMINGS, "time_step") and name != "node_updates_per_second":
-        return "s"
-    return UNITS.get(name, "J" if name.startswith("energy_") and name != "energy_closure" else "1")
+    """Return the unit of a column."""
+    return summary_fields.unit(name) or "1"
 
 
 def write_dataset(path: Path, data: xarray.Dataset) -> None:
