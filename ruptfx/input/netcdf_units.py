@@ -56,9 +56,13 @@ def opened(path: Path) -> Iterator[h5netcdf.File]:
         It cannot be read, or is no regular file.
     """
     import h5netcdf
+    import h5py
 
-    with _readable(path), h5netcdf.File(path, "r") as file:
-        yield file
+    with _readable(path):
+        with h5py.File(path, "r"):  # first: h5netcdf prints a traceback when it cannot open a file
+            pass
+        with h5netcdf.File(path, "r") as file:
+            yield file
 
 
 @contextmanager
@@ -207,7 +211,7 @@ def unpacked(path: Path, variable: h5netcdf.Variable, most: int = MOST_VALUES) -
     ValueError
         Too many numbers.
     """
-    require_size(path, variable.name, variable.shape, most)
+    require_size(path, str(variable.name).lstrip("/"), variable.shape, most)
     stored, attributes = np.asarray(variable[...]), variable.attrs
     scale, offset = float(attributes.get("scale_factor", 1.0)), float(attributes.get("add_offset", 0.0))
     values = stored.astype(float) * scale + offset

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from ruptfx.readings.instruments.model_readings import ModelReadings
 
 MOST = 20_000
+MOST_READ = 20_000_000  # values of a variable of a file, of which `every` takes some
 Lengths = Annotated[list[float], Unit("m")]
 
 
@@ -67,9 +69,12 @@ class DisplacementField(Misfit):
             return values
         if values.get("x") or values.get("displacement_x") or values.get("displacement_y"):
             raise ValueError("give either a file, or x, y and displacements")
+        every = values.get("every", 1)
+        if not isinstance(every, int) or every < 1:
+            return {k: v for k, v in values.items() if k != "file"}  # refused with its key
         path = Path((info.context or {}).get("directory") or ".", values["file"])
         read = _from_grid if path.suffix == ".nc" else _from_text
-        return {**{k: v for k, v in values.items() if k not in ("file", "every")}, **read(path, values.get("every", 1))}
+        return {**{k: v for k, v in values.items() if k not in ("file", "every")}, **read(path, every)}
 
     @model_validator(mode="after")
     def _complete(self) -> DisplacementField:
@@ -79,7 +84,7 @@ class DisplacementField(Misfit):
             if len(values) != len(self.x):
                 raise ValueError(f"{name}: {len(values)} values at {len(self.x)} points; give one for each")
         if len(self.x) > MOST:
-            raise ValueError(f"{len(self.x)} points: more than {MOST}; choose a larger 'every'")
+            raise ValueError(f"{len(self.x)} points: more than {MOST}; leave out points")
         return self
 
     @property
@@ -146,10 +151,18 @@ def _from_grid(path: Path, every: int) -> dict[str, list[float]]:
             if set(axes) != wanted:
                 given, asked = ", ".join(axes) or "none", " and ".join(sorted(wanted))
                 raise ValueError(f"{path}: '{name}' has the axes {given}; give it {asked}")
-            values = unpacked(path, file[name]) * unit_and_factor(path, name, file[name].attrs, "m")[1]
+            values = unpacked(path, file[name], MOST_READ) * unit_and_factor(path, name, file[name].attrs, "m")[1]
             read[name] = values.T if axes == ("x", "y") else values
-    x, y = np.meshgrid(read["x"][::every], read["y"][::every])
+            if name not in ("x", "y") and read[name].shape != (len(read["y"]), len(read["x"])):
+                raise ValueError(f"{path}: '{name}' has other numbers of values than x and y; run `ruptfx dic` again")
+    if not (np.isfinite(read["x"]).all() and np.isfinite(read["y"]).all()):
+        raise ValueError(f"{path}: x or y has missing values; run `ruptfx dic` again")
+    known = np.all([np.isfinite(read[name]) for name in names], axis=0)
+    if (points := int(known[::every, ::every].sum())) > MOST:
+        least = next(n for n in count(every) if known[::n, ::n].sum() <= MOST)
+        raise ValueError(f"every = {every}: {points} points of {path}, at most {MOST} are read; give every = {least}")
+    known = known[::every, ::every]
     fields = {name: read[name][::every, ::every] for name in names}
-    known = np.all([np.isfinite(each) for each in fields.values()], axis=0)
+    x, y = np.meshgrid(read["x"][::every], read["y"][::every])
     return {"x": x[known].tolist(), "y": y[known].tolist(),
             **{name: each[known].tolist() for name, each in fields.items()}}  # fmt: skip
