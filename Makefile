@@ -16,6 +16,7 @@ help: ## this list
 
 env: ## set up .venv with DOLFINx (again at no cost when it is up to date)
 	@.ci/setup
+	@$(BIN)/python -m compileall -q ruptfx  # else some processes of tests compile it anew, each in 0.3 s
 
 demo: env ## the main job on two ranks, with pictures in runs/demo/figures
 	@rm -rf runs/demo
@@ -49,6 +50,7 @@ ranks: env
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
 # Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
+SLOW = $(filter-out $(ALL_PAIRS) tests/contracts/test_bench_figures.py,$(shell grep -rl 'mark\.slow' tests --include='test_*.py'))
 verify: verified every-key slow ## exact solutions, other codes, kills and faults, 1 to 3 ranks, every key, and what takes minutes
 
 verified: env
@@ -58,7 +60,7 @@ every-key: env
 	$(BIN)/python -m pytest $(TESTS) $(EVERY_KEY)
 
 slow: env
-	$(BIN)/python -m pytest $(TESTS) -m slow tests --ignore=tests/contracts/test_bench_figures.py --ignore=$(ALL_PAIRS)
+	$(BIN)/python -m pytest $(TESTS) -m slow $(SLOW)
 
 # Code for other vectors, and other kernels of the BLAS, round otherwise. That reaches a result only where an error or a
 # residual decides: in what iterates or chooses its steps. This runs for the oldest x86-64, whose code is farthest from that

@@ -29,6 +29,28 @@ if find_spec("dolfinx") is not None:
     from ruptfx.platform.fem import MPI  # noqa: F401
 
 
+def keep_forms() -> None:
+    """Keep the compiled forms of this process: FFCx lists a folder of some thousand files for each form of a model."""
+    from ffcx.codegeneration import jit
+
+    read, forms = jit.get_cached_module, dict[tuple[str, str], tuple[Any, Any]]()
+
+    def read_once(name: str, objects: list[str], folder: Path, timeout: int) -> tuple[Any, Any]:
+        key = name, str(folder)
+        if key in forms and Path(folder, f"{name}.c.cached").exists():
+            return forms[key]
+        result = read(name, objects, folder, timeout)
+        if result[0] is not None:  # else it is to be compiled
+            forms[key] = result
+        return result
+
+    jit.get_cached_module = read_once
+
+
+if find_spec("dolfinx") is not None:
+    keep_forms()
+
+
 @pytest.fixture(autouse=True)
 def no_figure_is_left_open(request: pytest.FixtureRequest) -> Iterator[None]:
     """Those of pyplot are global: the next test would find them. What a page shows its reader may use pyplot."""

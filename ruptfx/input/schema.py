@@ -13,9 +13,9 @@ import copy
 import difflib
 import importlib
 import inspect
+import linecache
 import pkgutil
 import re
-import textwrap
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
@@ -379,6 +379,25 @@ class Part(BaseModel, metaclass=_Reworded):
 
 
 @cache
+def _classes_of(source: str) -> dict[str, list[ast.stmt]]:
+    """Return the statements in the classes of a file, by the qualified names of the classes.
+
+    `inspect.getsource` parses the file anew for each class.
+    """
+    result: dict[str, list[ast.stmt]] = {}
+
+    def collect(parent: ast.AST, prefix: str) -> None:
+        for node in ast.iter_child_nodes(parent):
+            name = f"{prefix}{node.name}" if isinstance(node, ast.ClassDef | ast.FunctionDef) else ""
+            if isinstance(node, ast.ClassDef):
+                result[name] = node.body
+            collect(node, f"{name}." if name else prefix)
+
+    collect(ast.parse(source), "")
+    return result
+
+
+@cache
 def descriptions(part: type[Part]) -> dict[str, str]:
     """Return the docstrings of the fields of a part; cached, because its source is parsed.
 
@@ -389,11 +408,13 @@ def descriptions(part: type[Part]) -> dict[str, str]:
         if cls is Part or not issubclass(cls, Part):
             continue
         try:
-            (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+            file = inspect.getfile(cls)
+            linecache.checkcache(file)
+            classes = _classes_of("".join(linecache.getlines(file)))
         except (OSError, TypeError, SyntaxError):  # defined without a file
             continue
-        assert isinstance(definition, ast.ClassDef)
-        for field, text in pairwise(definition.body):
+        definition = classes.get(cls.__qualname__.replace("<locals>.", ""), [])
+        for field, text in pairwise(definition):
             match field, text:
                 case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
                     found[name] = inspect.cleandoc(said)
@@ -478,8 +499,13 @@ def own_kinds(package: str) -> list[str]:
     """
     folder = importlib.import_module(package)
     shared = getattr(folder, "SHARED", ())
-    names = (module.name for module in pkgutil.iter_modules(folder.__path__))
-    return sorted(name for name in names if not name.startswith("_") and name not in shared)
+    return [name for name in _modules_in(*folder.__path__) if name not in shared]
+
+
+@cache
+def _modules_in(*folders: str) -> list[str]:
+    """Return the names of the modules in folders; cached, because a case asks some hundred times."""
+    return sorted(module.name for module in pkgutil.iter_modules(folders) if not module.name.startswith("_"))
 
 
 @cache

@@ -10,7 +10,7 @@ import resource
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -156,13 +156,44 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of all tests: what a command wrote in one of them is as it would be in the others."""
+    return tmp_path_factory.mktemp("tests") / "w"
+
+
 @pytest.fixture
-def place(template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    shutil.copytree(template, tmp_path / "w")
-    monkeypatch.chdir(tmp_path / "w")
+def place(folder: Path, template: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder.mkdir(exist_ok=True)
+    put(folder, template)
+    monkeypatch.chdir(folder)
     for name in [each for each in sys.modules if each.partition(".")[0] == "own"]:  # benchmarks of another test
         monkeypatch.delitem(sys.modules, name)
-    return tmp_path / "w"
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made_by(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[str]]:
+    """Run a command where nothing is yet, or copy what it wrote in an earlier test; return its files.
+
+    Lists of files and logs are not among them.
+    """
+    copies: dict[str, tuple[Path, list[str]]] = {}
+
+    def made_by(name: str) -> list[str]:
+        if name not in copies:
+            before = contents(folder)
+            result = ruptfx(*WRITERS[name])
+            assert result.exit_code == 0, result.output
+            after = contents(folder)
+            assert {file: after[file] for file in before} == before, "a file that was there has changed"
+            made = [file for file in after if file not in before and not Path(file).name.startswith(".")]
+            copies[name] = tmp_path_factory.mktemp("copy"), made
+            put(copies[name][0], folder)
+        put(folder, copies[name][0])
+        return copies[name][1]
+
+    return made_by
 
 
 def ruptfx(*arguments: str) -> Result:
@@ -174,21 +205,11 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-def made_by(name: str, place: Path) -> list[str]:
-    """Run a command where nothing is yet; return the files that it wrote, without lists of files and logs."""
-    before = contents(place)
-    result = ruptfx(*WRITERS[name])
-    assert result.exit_code == 0, result.output
-    after = contents(place)
-    assert {file: after[file] for file in before} == before, "a file that was there has changed"
-    return [file for file in after if file not in before and not Path(file).name.startswith(".")]
-
-
 def put(place: Path, template: Path) -> None:
-    """Make the folder as it was."""
+    """Make the folder as it was; links and times of files are kept."""
     for path in place.iterdir():
         shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
-    shutil.copytree(template, place, dirs_exist_ok=True)
+    shutil.copytree(template, place, symlinks=True, dirs_exist_ok=True)
 
 
 def refused(result: Result) -> None:
@@ -203,9 +224,11 @@ def test_every_command_is_here() -> None:
 
 
 @writers
-def test_a_file_of_the_user_stays(name: str, place: Path, template: Path) -> None:
+def test_a_file_of_the_user_stays(
+    name: str, place: Path, template: Path, made_by: Callable[[str], list[str]]
+) -> None:
     """A file, a link and a folder in place of outputs; --overwrite replaces a link, not the file behind it."""
-    made = made_by(name, place)
+    made = made_by(name)
     assert made
     for kind, file in (("file", made[0]), ("file", made[-1]), ("link", made[0]), ("folder", made[-1])):
         put(place, template)
@@ -229,9 +252,11 @@ def test_a_file_of_the_user_stays(name: str, place: Path, template: Path) -> Non
 
 
 @each_of(name for name in WRITERS if name not in NEVER_AGAIN)
-def test_a_command_replaces_what_it_wrote(name: str, place: Path) -> None:
+def test_a_command_replaces_what_it_wrote(
+    name: str, place: Path, made_by: Callable[[str], list[str]]
+) -> None:
     """And says so, until the user changes it."""
-    made = made_by(name, place)
+    made = made_by(name)
     again = ruptfx(*WRITERS[name])
     assert again.exit_code == 0, again.output
     if name not in OWN_DIRECTORY:
@@ -243,8 +268,10 @@ def test_a_command_replaces_what_it_wrote(name: str, place: Path) -> None:
 
 
 @each_of(NEVER_AGAIN)
-def test_a_command_keeps_what_is_edited_or_expensive(name: str, place: Path) -> None:
-    assert made_by(name, place)
+def test_a_command_keeps_what_is_edited_or_expensive(
+    name: str, place: Path, made_by: Callable[[str], list[str]]
+) -> None:
+    assert made_by(name)
     refused(ruptfx(*WRITERS[name]))
 
 
@@ -296,9 +323,11 @@ def limited(size: int, arguments: list[str], apart: bool) -> tuple[int, str]:
 
 
 @each_of(name for name in WRITERS if name != "run")  # which tests/faults/test_restart.py tries
-def test_a_full_disk_keeps_what_was_there(name: str, place: Path, template: Path) -> None:
+def test_a_full_disk_keeps_what_was_there(
+    name: str, place: Path, template: Path, made_by: Callable[[str], list[str]]
+) -> None:
     """Limits of the size of files below the largest output: one message, no crash, the earlier outputs unchanged."""
-    sizes = {file: (place / file).stat().st_size for file in made_by(name, place)}
+    sizes = {file: (place / file).stat().st_size for file in made_by(name)}
     again = name == "study" or name not in (*NEVER_AGAIN, *OWN_DIRECTORY)  # its points are known
     # The HDF5 library may crash at the end of a process. MPI writes large files at its start.
     apart = name not in NEED_FEM and any(file.endswith((".nc", ".vtkhdf")) for file in sizes)

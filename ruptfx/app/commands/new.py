@@ -34,9 +34,8 @@ def write_schema(folder: Path) -> None:
 
 def cases() -> list[str]:
     """Return the demos that are cases, not studies."""
-    from ruptfx.case import read_toml
-
-    return sorted(path.stem for path in DEMOS.glob("*.toml") if "axes" not in read_toml(path))
+    studies = re.compile(r"^\[\[axes\]\]", re.MULTILINE)  # found without reading the numbers of 50 files
+    return sorted(path.stem for path in DEMOS.glob("*.toml") if not studies.search(path.read_text(encoding="utf-8")))
 
 
 def new(
