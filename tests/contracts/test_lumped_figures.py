@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -10,38 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from helpers.drawn import shows
 from matplotlib.axes import Axes
-from test_lumped import MODELS, example
 
-from ruptfx.input.quantities import factor
+from ruptfx.case import parse_case
+from ruptfx.input.schema import alternatives
+from ruptfx.lumped import LumpedModel
 from ruptfx.lumped.maxwell_slip import figures as maxwell
 from ruptfx.lumped.spring_slider import _EXPERIMENTS
 from ruptfx.lumped.spring_slider import figures as slider
 
-Array = np.ndarray
-Curve = tuple[Any, Any]
-
-
-def size(label: str) -> float:
-    """Return the size of the unit at the end of a label."""
-    unit = re.search(r"\(([^()]*)\)$", label)
-    try:
-        return float(factor(unit[1], None)) if unit else 1.0
-    except ValueError:
-        return 1.0
-
-
-def shows(ax: Axes, *curves: Curve) -> None:
-    """Assert that lines of more than two points, and of single ones, are these curves of SI values."""
-    beside = [ax, *ax.get_shared_x_axes().get_siblings(ax), *reversed(ax.figure.axes)]  # one of them has the label of x
-    sizes = [size(next(each.get_xlabel() for each in beside if each.get_xlabel())), size(ax.get_ylabel())]
-    drawn = [[np.asarray(values, float) * unit for values, unit in zip(line.get_data(), sizes, strict=True)]
-             for line in ax.lines if len(line.get_xdata()) > 2 or line.get_marker() != "None"]  # fmt: skip
-    drawn = [line for line in drawn if len(line[0])]
-    assert len(drawn) == len(curves), ax.get_ylabel()
-    for line, curve in zip(drawn, curves, strict=True):
-        for values, expected in zip(line, curve, strict=True):
-            np.testing.assert_allclose(values, np.asarray(expected), rtol=1e-6, err_msg=ax.get_ylabel())
+MODELS = alternatives("ruptfx.lumped")
 
 
 def image_of(ax: Axes, values: Any) -> None:
@@ -51,7 +31,9 @@ def image_of(ax: Axes, values: Any) -> None:
 
 @cache
 def result(kind: str) -> xarray.Dataset:
-    return example(kind).run()
+    model = parse_case({"kind": kind, **tomllib.loads(MODELS[kind].example)})
+    assert isinstance(model, LumpedModel)
+    return model.run()
 
 
 def made_up(**shapes: str) -> xarray.Dataset:
