@@ -82,6 +82,8 @@ class CaseError(RuptfxError):
                 # A table is known by its key.
                 shown = "" if isinstance(item["input"], Mapping | BaseModel) else f" = {shown_value(item['input'])}"
                 reason = item["msg"].removeprefix("Value error, ")
+                if item["type"] == "string_pattern_mismatch" and item["ctx"]["pattern"] == NAME:
+                    reason = "a name has a letter first, followed by letters without accents, digits and _"
                 lines += [f"{key}{shown}: {each[0].lower()}{each[1:]}" for each in reason.splitlines()]
         return cls("\n".join(dict.fromkeys(lines)))
 
@@ -809,4 +811,5 @@ def _resolve(path: object, info: ValidationInfo) -> object:
 
 CasePath = Annotated[str, BeforeValidator(_resolve), RunFile()]
 """A file named in a case, relative to the case file; absolute in the resolved case."""
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+Name = Annotated[str, Field(pattern=NAME)]

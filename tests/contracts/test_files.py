@@ -108,8 +108,8 @@ def keys_of_files() -> Iterator[str]:
 
 
 def test_every_key_that_names_a_file_has_a_case_here() -> None:
-    # `data` and `variable` tell of the file of another key; files of a study are no keys of a run.
-    others = {"Traces.data", "SurfaceTable.variable"}
+    # `data`, `variable` and `names` tell of the file of another key; files of a study are no keys of a run.
+    others = {"Traces.data", "SurfaceTable.variable", "GmshFile.names"}
     assert {key for key in keys_of_files() if not key.startswith("Study.")} - others == set(TABLES)
 
 

@@ -42,7 +42,7 @@ def test_facets_of_a_square_cut_in_four() -> None:
      r"fracture.pairs.rock-stone: no such pair of bodies, did you mean 'rock-rock'\?"),
     ({"mesh.divide": 5e-3, "fracture.pairs": {"upper-lower": {"friction": RUBS}}, "boundaries": []},
      "fracture.pairs.upper-lower: write it in the order of the alphabet, 'lower-upper'"),
-    ({"fracture.pairs": {"rock": {"friction": RUBS}}}, "fracture.pairs.rock = 'rock': string should match pattern"),
+    ({"fracture.pairs": {"rock": {"friction": RUBS}}}, "fracture.pairs.rock = 'rock': a name has a letter first"),
     ({"fracture.stiffness_ratio": 2.0}, "fracture.stiffness_ratio = 2.0: input should be greater than or equal to 3"),
     ({"fracture.joints": {"old": {"friction": RUBS}}}, "fracture.joints.old: the mesh has no such joint"),
     ({"fracture.thickness": 0.0}, "fracture.thickness = 0.0: input should be greater than 0"),

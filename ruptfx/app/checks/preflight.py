@@ -46,6 +46,7 @@ def preflight(case: Case) -> Iterator[Row]:
     StopRules(model, model.case.stop_when)
     built = time.process_time()
     yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
+    yield from (Row(about, "", "", remark) for about, remark in case.mesh.remarks().items())
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         speeds = material.wave_speeds(case.plane)
         yield from _variation_rows(model, name)

@@ -28,6 +28,9 @@ FACETS: dict[str, list[tuple[int, ...]]] = {
     "hexahedron": [(0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6), (1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7)],
 }
 
+COINCIDENT = 1e-4
+"""Largest distance of nodes that coincide, over the length of the shortest side of an element or facet beside them."""
+
 
 @dataclass(frozen=True)
 class Base:
@@ -126,6 +129,10 @@ class MeshSource(Alternative):
         if lattice is None:
             raise NotImplementedError
         return lattice.build()
+
+    def remarks(self) -> dict[str, str]:
+        """Return facts about the source that `ruptfx check` shows, by what they are about."""
+        return {}
 
     def lattice(self) -> AnyLattice | None:
         """Return the lattice that `build` would make, or None; called on every rank, instead of `build`."""

@@ -36,10 +36,7 @@ def check(path: Path) -> None:
         Names the file, the line and the word.
     """
     directory = path.resolve().parent
-    todo, seen = [path.resolve()], set()
-    options = path.with_name(path.name + ".opt")  # Gmsh reads this file, too
-    if options.exists():
-        todo.append(options.resolve())
+    todo, seen = [path.resolve(), *_options(path)], set()
     while todo:
         file = todo.pop()
         if file not in seen:
@@ -47,23 +44,59 @@ def check(path: Path) -> None:
             todo += _scan(file, directory)
 
 
+def _options(path: Path) -> list[Path]:
+    """Return the file of options that Gmsh runs with a script or a mesh, if there is one."""
+    options = path.with_name(path.name + ".opt")
+    return [options.resolve()] if options.exists() else []
+
+
 def sources(path: Path) -> list[Path]:
-    """Return all existing files that a script names after Include, Merge and ShapeFromFile, and its file of options."""
-    todo, seen = [(path, True), (path.with_name(path.name + ".opt"), True)], dict[Path, None]()
+    """Return the existing files that a script names after Include, Merge and ShapeFromFile, and their options."""
+    return [file for file in _readings(path) if file != path.absolute()]
+
+
+def is_ended(path: Path) -> bool:
+    """Return whether the last line of a script has an end, or is blank; True without such a file."""
+    return not path.is_file() or path.read_bytes().rstrip(b" \t")[-1:] in (b"\n", b"")
+
+
+def check_ends(path: Path) -> None:
+    """Refuse a script that merges another one whose last line has no end: Gmsh reads only a part of that line.
+
+    Raises
+    ------
+    RuptfxError
+        Names the other one.
+    """
+    for file, is_merged in _readings(path).items():
+        if is_merged and file.suffix in _SCRIPTS and not is_ended(file):
+            raise RuptfxError(
+                f"{file}: its last line does not end with a newline, and Gmsh skips a part of such a line in a file "
+                "that is read by Merge; add the newline, or read it by Include"
+            )
+
+
+def _readings(path: Path) -> dict[Path, bool]:
+    """Return a script and all existing files that it reads, and whether another one merges them."""
+    todo = [(path, False, True)]
+    merged: dict[Path, bool] = {}
     while todo:
-        named, is_script = todo.pop()
+        named, is_merged, is_script = todo.pop()
         file = named.absolute()
-        if file in seen or not file.is_file():
+        if file in merged or not file.is_file():
+            merged.update({file: True} if file in merged and is_merged else {})
             continue
-        seen[file] = None
+        merged[file] = is_merged
+        todo += [(options, False, True) for options in _options(named)]
         if not is_script and file.suffix not in _SCRIPTS:
             continue
         words = [token.group() for token in _TOKEN.finditer(file.read_bytes().decode("latin-1"))]
         for number, word in enumerate(words):
             if _READS.fullmatch(word):
                 names = [name[1:-1] for name in words[number + 1 : number + 3] if name.startswith('"')]
-                todo += [(file.parent / name, word.lower() == "include") for name in names]
-    return [file for file in seen if file != path.absolute()]
+                included = word.lower() == "include"
+                todo += [(file.parent / name, not included, included) for name in names]
+    return merged
 
 
 def _scan(path: Path, directory: Path) -> list[Path]:
@@ -98,6 +131,7 @@ def _scan(path: Path, directory: Path) -> list[Path]:
             file = (path.parent / name[1:-1]).resolve()
             if not file.is_relative_to(directory):
                 raise refuse(f"'{word}' reads {file}, which is not in {directory}", place)
+            found += _options(path.parent / name[1:-1])
             if word.lower() == "include" or file.suffix in _SCRIPTS:
                 found += [file] if file.is_file() else []  # Gmsh says what is missing
             elif file.suffix not in _DATA:

@@ -1,4 +1,4 @@
-"""A Gmsh session; run as a program with SCRIPT MESH FOLDER, it meshes a script in a folder."""
+"""A Gmsh session; run as a program with FILE MESH FOLDER, it meshes a script or reads a mesh, and writes MSH 4.1."""
 
 from __future__ import annotations
 
@@ -56,15 +56,47 @@ def session() -> Iterator[ModuleType]:
             signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
-def main(script: str, mesh: str) -> None:
-    """Mesh a script and write the mesh."""
+def main(source: str, mesh: str) -> None:
+    """Mesh a script, or read a mesh, and write the elements of all groups in binary MSH 4.1."""
     try:
         with session() as gmsh:
-            gmsh.open(script)
-            gmsh.model.mesh.generate(3 if gmsh.model.getEntities(3) else 2)
+            if source.endswith(".geo"):
+                gmsh.open(source)
+                gmsh.model.mesh.generate(3 if gmsh.model.getEntities(3) else 2)
+            else:
+                gmsh.logger.start()
+                gmsh.merge(source)
+                if wrong := [line for line in gmsh.logger.get() if line.startswith(("Error", "Warning"))]:
+                    sys.exit(wrong[0])
+            gmsh.model.mesh.unpartition()
+            name_groups(gmsh, not source.endswith(".geo"))
+            for option, value in (("MshFileVersion", 4.1), ("Binary", 1), ("SaveAll", 0), ("SaveParametric", 0)):
+                gmsh.option.setNumber(f"Mesh.{option}", value)
             gmsh.write(mesh)
     except Exception as error:
         sys.exit(str(error))
+
+
+def name_groups(gmsh: ModuleType, keep: bool) -> None:
+    """Name every physical group '#DIMENSION NUMBER NAME', as meshio drops groups without a name of their own.
+
+    Parameters
+    ----------
+    gmsh : module
+    keep : bool
+        Keep cells of no group, in one that has the number 0 in its name; Gmsh does not write elements without a group.
+    """
+    groups = gmsh.model.getPhysicalGroups()
+    names = {(dim, tag): gmsh.model.getPhysicalName(dim, tag).strip() for dim, tag in groups}  # padded in MED files
+    for dim, tag in groups:
+        gmsh.model.removePhysicalName(gmsh.model.getPhysicalName(dim, tag))
+    for (dim, tag), name in names.items():
+        gmsh.model.setPhysicalName(dim, tag, f"#{dim} {tag} {name}")
+    meshed = [entity for entity in gmsh.model.getEntities() if gmsh.model.mesh.getElements(*entity)[0].size]
+    top = max((dim for dim, _ in meshed), default=0)
+    lonely = [tag for dim, tag in meshed if dim == top and not len(gmsh.model.getPhysicalGroupsForEntity(dim, tag))]
+    if keep and groups and lonely:
+        gmsh.model.setPhysicalName(top, gmsh.model.addPhysicalGroup(top, lonely), f"#{top} 0 ")
 
 
 if __name__ == "__main__":

@@ -2,53 +2,53 @@
 
 from __future__ import annotations
 
-import io
-import os
-import signal
-import subprocess
-import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
-from ruptfx.bodies.meshes import FACETS, MeshSource, RawMesh, _geo
+from ruptfx.bodies.meshes import COINCIDENT, FACETS, MeshSource, RawMesh, _geo, _mesh_file
 from ruptfx.bodies.meshes._cut import Facets, places
-from ruptfx.input.schema import CasePath, Name, OwnJsonSchema, Part
+from ruptfx.input.schema import NAME, CasePath, Name, OwnJsonSchema, Part
 from ruptfx.input.units import Positive
-from ruptfx.platform.files import require_file
-from ruptfx.platform.launch import ends_with_parent
 
-if TYPE_CHECKING:
-    from meshio import Mesh
-
-# meshio name, DOLFINx name, nodes in DOLFINx order, facet name
-_CELLS = [
-    ("hexahedron", "hexahedron", [0, 1, 3, 2, 4, 5, 7, 6], "quad"),
-    ("tetra", "tetrahedron", [0, 1, 2, 3], "triangle"),
-    ("quad9", "quadrilateral", [0, 1, 3, 2, 4, 7, 5, 6, 8], "line3"),
-    ("quad", "quadrilateral", [0, 1, 3, 2], "line"),
-    ("triangle", "triangle", [0, 1, 2], "line"),
-]
-_DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
-
-MOST_BYTES = 50_000_000_000  # largest size of a mesh file
-FLAT = 1e-6  # of the extent: largest range of z of a plane mesh
-SECONDS = 600.0  # time limit of Gmsh for a script
-AGAIN = "write it again with Gmsh, or whatever made it"
+FLAT = 1e-6  # of the extent: largest range of the third coordinate of a plane mesh
 
 OneOrMore = Annotated[
     list[str], Field(min_length=1), BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
     OwnJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
 ]  # fmt: skip
 """Names of bodies, or the name of one."""
+
+
+def _with_names_of_cases(interfaces: object) -> object:
+    """Propose the table `names` for interfaces that have names of mesh files."""
+    for name in interfaces if isinstance(interfaces, dict) else ():
+        if not re.fullmatch(NAME, str(name)):
+            word = re.sub(r"[\W_]+", "_", str(name), flags=re.A).strip("_")
+            word = word if word[:1].isalpha() else f"fault_{word}"
+            raise ValueError(
+                f"'{name}' is a name of the mesh file; in a case an interface has a letter, then letters, digits "
+                f'and _: call it {word} here and in [faults], and add names = {{ {word} = "{name}" }} to [mesh]'
+            )
+    return interfaces
+
+
+def _a_group(value: object) -> object:
+    if isinstance(value, dict):
+        raise ValueError("is a table; write names with a dot in quotation marks")
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise ValueError("must be the name of a group in the mesh file, or its number")
+    return value
+
+
+Group = Annotated[str | int, BeforeValidator(_a_group)]
+"""Name or number of a group of a mesh file."""
 
 
 class Sides(Part):
@@ -80,9 +80,11 @@ class GmshFile(MeshSource):
     )
 
     file: CasePath
-    """Mesh of Gmsh (`.msh`) or of a format that meshio reads, or a `.geo` script that Gmsh meshes."""
-    interfaces: dict[Name, Sides] = {}
+    """Mesh of Gmsh (`.msh`), MED, UNV, Abaqus or another format with groups of elements, or a `.geo` script."""
+    interfaces: Annotated[dict[Name, Sides], BeforeValidator(_with_names_of_cases)] = {}
     """Bodies on the sides of each interface, by name of the physical group."""
+    names: dict[str, Group] = {}
+    """Name or number in the file of the group of a body, an interface or an edge, by its name in the case."""
     scale: Positive = 1.0
     """Metres per length unit of the file."""
     trust: bool = False
@@ -92,18 +94,22 @@ class GmshFile(MeshSource):
         path = Path(self.file)
         return [path, *_geo.sources(path)] if path.suffix == ".geo" and path.is_file() else [path]
 
+    def remarks(self) -> dict[str, str]:
+        names = ", ".join(f"{name} = {group!r}" for name, group in self.names.items())
+        return {"mesh.names": names} if names else {}
+
     def build(self) -> RawMesh:
-        points, cell, cells, bodies, cell_body, named, middle = _read(Path(self.file), self.trust)
-        dim = 3 if cell in ("hexahedron", "tetrahedron") else 2
-        if dim == 2 and points.shape[1] == 3 and np.ptp(points[:, 2]) > FLAT * np.ptp(points, axis=0).max():
-            low, high = points[:, 2].min(), points[:, 2].max()
-            raise RuptfxError(
-                f"{self.file}: the elements are not in the plane x-y, z is {low:.6g} to {high:.6g}; exchange y and z "
-                "of its points"
-            )
-        points = points[:, :dim] * self.scale
         for name, sides in self.interfaces.items():
-            _check_names(self.file, name, sides, named, bodies)
+            if both := set(sides.plus) & set(sides.minus):
+                raise RuptfxError(
+                    f"{self.file}: interface '{name}': the body {', '.join(sorted(both))} cannot be on both sides, "
+                    f"plus ({', '.join(sides.plus)}) and minus ({', '.join(sides.minus)}); name each in one of them"
+                )
+        sides_of = {name: [*sides.plus, *sides.minus] for name, sides in self.interfaces.items()}
+        read = _mesh_file.read(Path(self.file), self.trust, sides_of, self.names)
+        points, cell, cells, bodies, cell_body, named, middle = read
+        axes = self._axes(points, 3 if cell in ("hexahedron", "tetrahedron") else 2)
+        points = points[:, axes] * self.scale
         known = Facets(cells, FACETS[cell])
         numbers = {name: known.find(facets) for name, facets in named.items()}
         found = {name: known.cells[number] for name, number in numbers.items()}  # [-1] where there is none
@@ -122,7 +128,24 @@ class GmshFile(MeshSource):
         for name, facets in named.items():
             if self._is_edge(raw, name, found[name], facets):
                 raw.edges[name] = on(facets, found[name][:, 0])
-        return _curved(raw, middle[..., :dim] * self.scale) if middle.shape[1] else raw
+        chosen = [name for name in raw.edges if name in self.names or name.partition(".")[0] in bodies]
+        shared = np.concatenate([np.zeros(0, dtype=int), *(numbers[name] for name in (*self.interfaces, *chosen))])
+        for name in raw.edges.keys() - chosen:  # as sets of Abaqus for all elements that are listed together
+            if np.isin(numbers[name], shared).any():
+                del raw.edges[name]
+        return _curved(raw, middle[..., axes] * self.scale) if middle.shape[1] else raw
+
+    def _axes(self, points: np.ndarray, dim: int) -> list[int]:
+        """Return the coordinates of the file that are those of the model: of plane meshes the two that vary."""
+        extent = np.ptp(points, axis=0)
+        flat = np.flatnonzero(extent <= FLAT * extent.max())
+        if points.shape[1] > dim and not len(flat):
+            low, high = points.min(axis=0), points.max(axis=0)
+            ranges = ", ".join(f"{name} {a:.6g} to {b:.6g}" for name, a, b in zip("xyz", low, high, strict=True))
+            raise RuptfxError(
+                f"{self.file}: the elements are in none of the planes x-y, x-z and y-z: {ranges}; rotate them into one"
+            )
+        return [axis for axis in range(points.shape[1]) if points.shape[1] == dim or axis != flat[-1]]
 
     def _interface(
         self, raw: RawMesh, name: str, sides: Sides, facets: np.ndarray, cells: np.ndarray, on: Any
@@ -190,27 +213,20 @@ def _curved(raw: RawMesh, middle: np.ndarray) -> RawMesh:
     different, first, number = np.unique(sides, axis=0, return_index=True, return_inverse=True)
     on_sides = len(raw.points) + number.reshape(-1, 4)
     inside = len(raw.points) + len(different) + np.arange(len(raw.cells))[:, None]
-    points = np.concatenate([raw.points, middle[:, :4].reshape(-1, 2)[first], middle[:, 4]])
+    on_side = middle[:, :4].reshape(-1, 2)[first]
+    code = different @ [len(raw.points), 1]
+    for name, pair in raw.interfaces.items():
+        if name not in raw.non_matching:
+            plus, minus = (np.searchsorted(code, np.sort(side, axis=1) @ [len(raw.points), 1]) for side in pair)
+            length = np.linalg.norm(raw.points[pair[0][:, 1]] - raw.points[pair[0][:, 0]], axis=1)
+            same = np.linalg.norm(on_side[plus] - on_side[minus], axis=1) <= COINCIDENT * length
+            on_side[minus[same]] = on_side[plus[same]]
+    points = np.concatenate([raw.points, on_side, middle[:, 4]])
     return replace(raw, points=points, cells=np.concatenate([raw.cells, on_sides, inside], axis=1), order=2)
 
 
 def _place(raw: RawMesh, facet: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.6g}" for value in raw.points[facet].mean(axis=0)) + ") m"
-
-
-def _check_names(file: str, name: str, sides: Sides, named: dict[str, np.ndarray], bodies: list[str]) -> None:
-    if name not in named:
-        found = ", ".join(sorted(named)) or "none"
-        raise RuptfxError(f"{file}: no interface '{name}' among the named facets; it has: {found}")
-    plus, minus = sides.plus, sides.minus
-    for side in (*plus, *minus):
-        if side not in bodies:
-            raise RuptfxError(f"{file}: interface '{name}': no body '{side}'; the file has: {', '.join(bodies)}")
-    if set(plus) & set(minus):
-        raise RuptfxError(
-            f"{file}: interface '{name}': no body can be on both sides, plus ({', '.join(plus)}) and minus "
-            f"({', '.join(minus)}); name each in one of them"
-        )
 
 
 def _check_sides(file: str, name: str, plus: int, minus: int) -> None:
@@ -222,157 +238,28 @@ def _check_sides(file: str, name: str, plus: int, minus: int) -> None:
 
 
 def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus: np.ndarray) -> np.ndarray:
-    """Return the minus facets in the order of the plus facets; refuse nodes that do not coincide."""
-    minus_nodes, plus_nodes = np.unique(minus), np.unique(plus)
-    distance, nearest = cKDTree(points[minus_nodes]).query(points[plus_nodes])
-    size = np.linalg.norm(points[plus[:, 1]] - points[plus[:, 0]], axis=1).min()
-    unmatched = int(np.sum(distance > 1e-6 * size))
-    if unmatched or len(plus_nodes) != len(minus_nodes):
-        raise RuptfxError(
-            f"{file}: interface '{name}': the nodes of the two sides do not match ({len(plus_nodes)} on the plus, "
-            f"{len(minus_nodes)} on the minus side, {unmatched} without a partner); mesh both sides alike, or let it "
-            f"slide: matching = false here, and the table [faults.{name}.sliding]"
-        )
-    partner = np.zeros(len(points), dtype=np.int64)
-    partner[plus_nodes] = minus_nodes[nearest]
-    return partner[plus]
-
-
-def _read(path: Path, trust: bool) -> tuple[Any, ...]:
-    """Return vertices, cell type, cells, names of bodies, body of every cell, named facets, other nodes of cells."""
-    import meshio
-
-    try:
-        require_file(path, MOST_BYTES, "mesh files", "mesh.file is relative to the case file, or absolute")
-    except ValueError as error:
-        raise RuptfxError(str(error)) from None
-    if path.suffix == ".geo" and not trust:
-        _geo.check(path)
-    try:
-        with redirect_stdout(io.StringIO()):  # meshio prints empty lines, and errors that are raised below
-            if path.suffix == ".geo":
-                with tempfile.TemporaryDirectory() as folder:
-                    mesh = meshio.read(_generate(path, Path(folder), trust))
-            else:
-                mesh = meshio.read(path)
-    except RuptfxError:
-        raise
-    except (Exception, SystemExit) as error:  # meshio raises many kinds of errors for damaged files
-        raise RuptfxError(f"{path}: not a mesh that can be read ({error!s:.200}); {AGAIN}") from None
-    _check_whole(path, mesh)
-    kinds = {block.type for block in mesh.cells}
-    known = [entry for entry in _CELLS if entry[0] in kinds]
-    if not known:
-        found = ", ".join(sorted(kinds))
-        raise RuptfxError(
-            f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra, and no quadrilaterals of nine "
-            f"nodes; it has: {found}"
-        )
-    type_, cell, order, facet = known[0]
-    mixed = "triangle" if cell == "quadrilateral" else "tetra" if cell == "hexahedron" else None
-    if mixed and any(kind.startswith(mixed) for kind in kinds):
-        raise RuptfxError(f"{path}: mixes cell types ({', '.join(sorted(kinds))}); mesh it with one")
-    groups = _groups(mesh, type_)
-    if not groups:
-        raise RuptfxError(
-            f"{path}: no physical groups; name the bodies and the interface (Physical Surface, Physical Curve)"
-        )
-    all_nodes, bodies = mesh.cells_dict[type_][:, order].astype(np.int64), sorted(groups)
-    all_cells, others = np.split(all_nodes, [1 + max(map(max, FACETS[cell]))], axis=1)
-    times = np.bincount(np.concatenate(list(groups.values())), minlength=len(all_cells))
-    for wrong, what in ((times == 0, "no named body"), (times > 1, "more than one named body")):
-        if wrong.any():
-            raise RuptfxError(f"{path}: {wrong.sum()} cells belong to {what}; it has: {', '.join(bodies)}")
-    cell_body = np.zeros(len(all_cells), dtype=np.int64)
-    for number, name in enumerate(bodies):
-        cell_body[groups[name]] = number
-    used, cells = np.unique(all_cells, return_inverse=True)
-    renumber = np.full(len(mesh.points), -1)
-    renumber[used] = np.arange(len(used))
-    facets = mesh.cells_dict.get(facet, np.zeros((0, 2), dtype=np.int64))[:, : len(FACETS[cell][0])]
-    named = {name: renumber[np.unique(facets[chosen], axis=0)] for name, chosen in _groups(mesh, facet).items()}
-    return mesh.points[used], cell, cells.reshape(all_cells.shape), bodies, cell_body, named, mesh.points[others]
-
-
-def _check_whole(path: Path, mesh: Mesh) -> None:
-    """Refuse a mesh with undefined points, or points without finite coordinates."""
-    count = len(mesh.points)
-    if np.ndim(mesh.points) != 2:
-        raise RuptfxError(f"{path}: damaged: it has no points; {AGAIN}")
-    for block in mesh.cells:
-        nodes = np.asarray(block.data)
-        wrong = nodes[(nodes < 0) | (nodes >= count)]
-        if len(wrong):
-            raise RuptfxError(f"{path}: damaged: a {block.type} has the point {wrong[0]}, of {count}; {AGAIN}")
-    bad = ~np.isfinite(mesh.points).all(axis=1)
-    if bad.any():
-        raise RuptfxError(f"{path}: damaged: point {np.argmax(bad)} is at {mesh.points[np.argmax(bad)]}; {AGAIN}")
-
-
-def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
-    """Return elements of one type by the names of their physical groups; an element may have several."""
-    names = {name: int(number) for name, (number, dim) in mesh.field_data.items() if dim == _DIMENSION[type_]}
-    first = mesh.cell_data_dict.get("gmsh:physical", {}).get(type_, np.zeros(0))
-    found = {}
-    for name, number in names.items():
-        chosen = np.flatnonzero(first == number)  # formats that store one group per element
-        if name in mesh.cell_sets:
-            chosen = mesh.cell_sets_dict[name].get(type_, chosen)
-        if len(chosen):
-            found[name] = np.asarray(chosen, dtype=np.int64)
-    return found
-
-
-@contextmanager
-def _ended_by_a_signal(path: Path) -> Iterator[None]:
-    """Raise an error at SIGTERM, so that the process of Gmsh ends and its folder is removed."""
-
-    def stop(number: int, _: object) -> None:
-        raise RuptfxError(f"{path}: ended by {signal.Signals(number).name} while Gmsh meshed it; nothing was written")
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread, which signals interrupt
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _generate(path: Path, folder: Path, trust: bool) -> Path:
-    """Mesh a script in a separate process with a time limit.
-
-    The process works in `folder`, as options of Gmsh may write files; with a trusted script in the current directory.
+    """Return the minus facets in the order of the plus facets, and move their nodes onto those of the plus side.
 
     Raises
     ------
     RuptfxError
-        Gmsh cannot mesh it, or takes too long.
+        Nodes that do not coincide.
     """
-    mesh, script = folder / "generated.msh", path.absolute()
-    if not path.read_bytes().endswith(b"\n"):
-        # Of a last line without an end Gmsh runs the first statement only, unless another script includes the file.
-        script = folder / "script.geo"
-        script.write_text(f'Include "{path.absolute()}";\n')
-        options = path.with_name(path.name + ".opt")
-        if options.is_file():
-            script.with_name(script.name + ".opt").write_bytes(options.read_bytes() + b"\n")
-    here = os.getcwd() if trust else str(folder)
-    command = [sys.executable, "-m", "ruptfx.bodies.meshes._gmsh", str(script), str(mesh), here]
-    try:
-        with _ended_by_a_signal(path):
-            done = subprocess.run(
-                command, timeout=SECONDS, check=False, text=True, errors="replace", stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, preexec_fn=ends_with_parent(),
-            )  # fmt: skip
-    except subprocess.TimeoutExpired:
+    minus_nodes, plus_nodes = np.unique(minus), np.unique(plus)
+    distance, nearest = cKDTree(points[minus_nodes]).query(points[plus_nodes])
+    ends = points[np.concatenate([plus, minus])]
+    near = COINCIDENT * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()
+    unmatched, worst = int(np.sum(distance > near)), int(np.argmax(distance))
+    partner = np.zeros(len(points), dtype=np.int64)
+    partner[plus_nodes] = minus_nodes[nearest]
+    if unmatched or not np.array_equal(np.sort(partner[plus_nodes]), minus_nodes):
+        place = ", ".join(f"{x:.6g}" for x in points[plus_nodes[worst]])
         raise RuptfxError(
-            f"{path}: Gmsh took longer than {SECONDS:g} s; coarsen the mesh, or mesh it with Gmsh yourself and give "
-            "the file (.msh) in its place"
-        ) from None
-    if done.returncode or not mesh.is_file():
-        said = done.stderr.strip() or f"it ended with code {done.returncode}"
-        raise RuptfxError(f"{path}: Gmsh could not mesh it: {said}; open it in Gmsh to see where")
-    return mesh
+            f"{file}: interface '{name}': the nodes of the two sides do not match ({len(plus_nodes)} on the plus, "
+            f"{len(minus_nodes)} on the minus side, {unmatched} without a partner: the plus node at ({place}) m is "
+            f"{distance[worst]:.3g} m from the nearest one, nodes closer than {COINCIDENT:g} of the shortest facet, "
+            f"{near:.3g} m, coincide); mesh both sides alike, write the coordinates with more digits, or let it slide: "
+            f"matching = false here, and the table [faults.{name}.sliding]"
+        )
+    points[partner[plus_nodes]] = points[plus_nodes]
+    return partner[plus]

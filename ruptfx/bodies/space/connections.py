@@ -7,10 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.bodies.meshes import RawMesh
+from ruptfx.bodies.meshes import COINCIDENT, RawMesh
 from ruptfx.bodies.space.branches import connected
-
-COINCIDENT = 1e-6  # of the shortest element side: largest distance of coincident nodes
 
 
 def check_connections(raw: RawMesh, tied: Iterable[tuple[np.ndarray, np.ndarray]]) -> None:

@@ -1,0 +1,266 @@
+"""Mesh files as other people write them: versions, formats, numbers, names, planes and rounded coordinates."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.messages import facts
+
+pytest.importorskip("gmsh")
+pytest.importorskip("meshio")
+
+import meshio
+
+from ruptfx import RuptfxError
+from ruptfx.bodies.meshes import RawMesh
+from ruptfx.bodies.meshes._gmsh import session
+from ruptfx.bodies.meshes.gmsh_file import GmshFile
+from ruptfx.input.schema import CaseError
+
+PLATES = (Path(__file__).parents[1] / "data" / "two_bodies.geo").read_text()
+SIDES = {"main": {"plus": "upper", "minus": "lower"}}
+NAMES = {"lower": 1, "upper": 3, "main": 103, "upper.left": 105, "upper.top": 3, "lower.bottom": 1}
+
+
+def write(path: Path, script: str = PLATES, parts: int = 0, **options: float) -> Path:
+    """Mesh a script and write it with options of the table Mesh; the format is that of the suffix."""
+    source = path.with_name("source.geo")
+    source.write_text(script + "\n")
+    with session() as gmsh:
+        gmsh.open(str(source))
+        gmsh.model.mesh.generate(3 if gmsh.model.getEntities(3) else 2)
+        for name, value in options.items():
+            gmsh.option.setNumber(f"Mesh.{name}", value)
+        if parts:
+            gmsh.model.mesh.partition(parts)
+        gmsh.write(str(path))
+    source.unlink()
+    return path
+
+
+def numbered(script: str = PLATES) -> str:
+    """Return the script with numbers in the place of names; surfaces and curves share two of them."""
+    for name, number in NAMES.items():
+        script = script.replace(f'("{name}")', f"({number})")
+    return script
+
+
+def build(path: Path, interfaces: Any = SIDES, **keys: Any) -> RawMesh:
+    return GmshFile(file=str(path), interfaces=interfaces, **keys).build()
+
+
+def assert_plates(raw: RawMesh) -> None:
+    """Two plates of 40 x 10 mm with 20 facets of 2 mm along the interface, and three edges, whatever the file."""
+    assert raw.bodies == ["lower", "upper"] and len(raw.cells) == 496
+    assert {name: len(facets) for name, facets in raw.edges.items()} == {
+        "upper.left": 5, "upper.top": 20, "lower.bottom": 20
+    }  # fmt: skip
+    x, y = raw.points[np.concatenate(raw.interfaces["main"])].reshape(-1, 2).T
+    assert len(raw.interfaces["main"][0]) == 20 and np.all(y == 0) and np.ptp(x) == pytest.approx(40e-3, rel=1e-14)
+    corners = raw.points[raw.cells]
+    sides = corners[:, 1:] - corners[:, :1]
+    areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+    assert np.bincount(raw.cell_body, areas) == pytest.approx(400e-6, rel=1e-12)
+    assert np.all(corners[raw.cell_body == 1][..., 1] >= 0) and np.all(corners[raw.cell_body == 0][..., 1] <= 0)
+
+
+WRITTEN: dict[str, tuple[str, dict[str, Any]]] = {
+    "4.1": ("a.msh", {}),
+    "4.1 SaveAll": ("a.msh", {"SaveAll": 1}),
+    "4.1 SaveAll binary": ("a.msh", {"SaveAll": 1, "Binary": 1}),
+    "4.1 partitioned": ("a.msh", {"parts": 3}),
+    "4.1 partitioned with borders": ("a.msh", {"parts": 3, "PartitionCreateTopology": 1}),
+    "4.0": ("a.msh", {"MshFileVersion": 4.0}),
+    "2.2": ("a.msh", {"MshFileVersion": 2.2}),
+    "2.2 partitioned": ("a.msh", {"MshFileVersion": 2.2, "parts": 3}),
+    "UNV": ("a.unv", {}),
+    "MED": ("a.med", {}),
+    "Abaqus": ("a.inp", {"SaveGroupsOfElements": 1}),
+}
+
+
+@pytest.mark.parametrize("how", WRITTEN)
+def test_every_format_with_names(how: str, tmp_path: Path) -> None:
+    name, options = WRITTEN[how]
+    assert_plates(build(write(tmp_path / name, **options)))
+
+
+@pytest.mark.parametrize("version", [1.0, 2.2, 4.0, 4.1])
+def test_numbered_groups(version: float, tmp_path: Path) -> None:
+    """The numbers 1 and 3 are those of a surface and of a curve."""
+    path = write(tmp_path / "a.msh", numbered(), MshFileVersion=version)
+    assert_plates(build(path, names=NAMES))
+    with pytest.raises(RuptfxError, match=facts(
+        r"a\.msh: .* 'main' .* 1, 103, 105, 3; no body 'upper'; .* 1, 3; no body 'lower'; .* 1, 3; .*names = \{"
+    )) as refused:  # fmt: skip
+        build(path)
+    proposal = tomllib.loads(str(refused.value)[str(refused.value).index("names = {") :])["names"]
+    assert proposal.keys() == {"main", "upper", "lower"} and {proposal["upper"], proposal["lower"]} == {1, 3}
+
+
+@pytest.mark.parametrize("suffix", ["vtu", "xdmf", "vtk"])
+def test_formats_with_numbers_of_elements(suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """meshio keeps the numbers of groups in these formats, and drops their names."""
+    monkeypatch.chdir(tmp_path)
+    mesh = meshio.gmsh.read(write(tmp_path / "a.msh", numbered(), MshFileVersion=2.2))
+    meshio.write(tmp_path / f"a.{suffix}", meshio.Mesh(mesh.points, mesh.cells, cell_data=mesh.cell_data))
+    assert_plates(build(tmp_path / f"a.{suffix}", names=NAMES))
+    data = {"rock": mesh.cell_data["gmsh:physical"], "zone": mesh.cell_data["gmsh:physical"]}
+    meshio.write(tmp_path / f"b.{suffix}", meshio.Mesh(mesh.points, mesh.cells, cell_data=data))
+    with pytest.raises(RuptfxError, match=facts(rf"b\.{suffix}: .*rock, zone; keep one")):
+        build(tmp_path / f"b.{suffix}", names=NAMES)
+
+
+def test_names_that_no_case_has(tmp_path: Path) -> None:
+    """Blanks, digits first, hyphens and umlauts are mapped; the message has the table to paste."""
+    script = PLATES.replace('"main"', '"main fault"')
+    script = script.replace('"lower"', '"2nd-Platte"').replace('"upper"', '"Obere Fläche"')
+    path = write(tmp_path / "a.msh", script)
+    assert_plates(build(path, names={"lower": "2nd-Platte", "upper": "Obere Fläche", "main": "main fault"}))
+    with pytest.raises(CaseError, match=facts(r"'main fault' .*names = \{ main_fault = \"main fault\" \}")):
+        build(path, {"main fault": SIDES["main"]})
+    with pytest.raises(RuptfxError) as refused:
+        build(path)
+    text = str(refused.value)
+    names = tomllib.loads(text[text.index("names = {") :])["names"]
+    assert names["main"] == "main fault" and {names["upper"], names["lower"]} == {"Obere Fläche", "2nd-Platte"}
+
+
+MAPPINGS: list[tuple[dict[str, Any], str]] = [
+    ({"upper": "uper"}, r"mesh\.names\.upper = 'uper': .* 'upper'"),
+    ({"main": 4711}, r"mesh\.names\.main = 4711: .*it has: "),
+    ({"upper": "main"}, r"mesh\.names\.upper = 'main': "),
+    ({"upper": "lower"}, r"no body 'lower'; the file has: upper, upper|another group has this name"),
+    ({"a.b": "main", "c.d": "main"}, r"mesh\.names\.c\.d = 'main': 'a\.b'"),
+    ({"upper": 1.5}, r"names\.upper = 1\.5: "),
+    ({"upper": {"left": 105}}, r"names\.upper: .*quotation marks"),
+    ({"upper": True}, r"names\.upper = True: "),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("names, message", MAPPINGS)
+def test_mappings_that_are_refused(names: dict[str, Any], message: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "a.msh")
+    with pytest.raises(RuptfxError, match=facts(message)):
+        build(path, names=names)
+
+
+def test_names_may_be_exchanged(tmp_path: Path) -> None:
+    raw = build(write(tmp_path / "a.msh"), names={"upper": "lower", "lower": "upper"})
+    assert np.all(raw.points[raw.cells][raw.cell_body == raw.bodies.index("upper")][..., 1] <= 0)
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_cells_in_two_groups(version: float, tmp_path: Path) -> None:
+    """A group that lies inside of the bodies that the case names is ignored; else all is said that mends it."""
+    both = PLATES + '\nPhysical Surface("rock") = {1, 2};\nPhysical Curve("outside") = {1, 6, 7};'
+    path = write(tmp_path / "a.msh", both, MshFileVersion=version)
+    assert_plates(build(path))
+    message = r"a\.msh: 496 cells .*'lower' and 'rock'; .*: lower, rock, upper; .*names = \{"
+    with pytest.raises(RuptfxError, match=facts(message)):
+        build(path, {})
+    assert build(path, {}, names={"lower": "lower", "upper": "upper"}).bodies == ["lower", "upper"]
+    assert build(path, {}, names={"whole": "rock"}).bodies == ["whole"]
+
+
+def test_cells_of_no_group(tmp_path: Path) -> None:
+    """Of a file with all elements, none is dropped without a word."""
+    path = write(tmp_path / "a.msh", PLATES.replace('Physical Surface("lower") = {1};', ""), SaveAll=1)
+    with pytest.raises(RuptfxError, match=facts(r"a\.msh: \d+ cells belong to no named body, .*; it has: upper; ")):
+        build(path, {})
+
+
+def test_lost_groups_of_version_2(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.msh", MshFileVersion=2.2, SaveAll=1)
+    with pytest.raises(RuptfxError, match=facts(r"a\.msh: .*main, .*2\.2 .*Mesh\.SaveAll = 1; .*Mesh\.SaveAll = 0")):
+        build(path)
+
+
+@pytest.mark.parametrize("axis", ["{1, 0, 0}", "{0, 1, 0}"])
+def test_planes_other_than_x_y(axis: str, tmp_path: Path) -> None:
+    """Turned by 90 degrees about x into x-z, and about y into y-z; the coordinate that was z keeps its order."""
+    turn = "Rotate {%s, {0, 0, 0}, Pi / 2} { Surface{1, 2}; }"
+    raw = build(write(tmp_path / "a.msh", f"{PLATES}\n{turn % axis}"))
+    assert len(raw.cells) == 496 and raw.points.shape[1] == 2
+    assert sorted(np.ptp(raw.points, axis=0)) == pytest.approx([20e-3, 40e-3], rel=1e-9)
+    with pytest.raises(RuptfxError, match=facts(r"a\.msh: .* x-y, x-z and y-z: x .*, z .* to .*; ")):
+        build(write(tmp_path / "a.msh", f"{PLATES}\n{(turn % axis).replace('/ 2', '/ 3')}"))
+
+
+OWN = PLATES.replace("Curve Loop(2) = {-3, 5, 6, 7}", "Point(7) = {40e-3, 0, 0, h}; Point(8) = {0, 0, 0, h}; "
+    "Line(8) = {7, 8}; Line(15) = {7, 5}; Line(17) = {6, 8}; Curve Loop(2) = {-8, 15, 6, 17}").replace(
+    "Line(5) = {3, 5}; ", "").replace(" Line(7) = {6, 4};", "").replace("= {3};", "= {3, 8};").replace(
+    '("upper.left") = {7}', '("upper.left") = {17}')  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("apart, matches", [(0.9e-4, True), (1.1e-4, False)])
+def test_one_tolerance_for_split_nodes(order: int, apart: float, matches: bool, tmp_path: Path) -> None:
+    """Facets are 2 mm long; sides that are closer than 1e-4 of it have equal nodes afterwards, others are refused."""
+    script = OWN + ("\nRecombine Surface{1, 2};" if order == 2 else "")
+    path = write(tmp_path / "a.msh", script, ElementOrder=order, MshFileVersion=2.2)
+    if order == 2:
+        with session() as gmsh:
+            gmsh.merge(str(path))
+            gmsh.model.mesh.setOrder(2)
+            gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
+            gmsh.write(str(path))
+    mesh = meshio.gmsh.read(path)
+    upper = np.unique(np.concatenate([
+        block.data[tags == mesh.field_data["upper"][0]].ravel() for block, tags in
+        zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True) if block.type[:4] in ("quad", "tria")
+    ]))  # fmt: skip
+    mesh.points[upper, 1] += apart * 2e-3
+    meshio.write(path, mesh, file_format="gmsh22", binary=False)
+    if not matches:
+        message = r"a\.msh: interface 'main': .*\(21 .*, 21 .*, 21 .* 2\.2e-07 m .* 0\.0001"
+        with pytest.raises(RuptfxError, match=facts(message)):
+            build(path)
+        return
+    raw = build(path)
+    plus, minus = raw.interfaces["main"]
+    assert raw.order == order and not np.intersect1d(plus, minus).size
+    assert np.array_equal(raw.points[plus], raw.points[minus])
+    on = np.abs(raw.points[:, 1] - apart * 2e-3) < 1e-12  # the nodes between, too, are where those of the plus side are
+    assert on.sum() == 2 * (21 + 20 * (order - 1))
+
+
+def test_bodies_that_coincide_to_nine_digits(tmp_path: Path) -> None:
+    """Without a name between them, nodes 0.9e-4 of a side apart are duplicates for the check, too."""
+    from ruptfx.bodies.space.connections import check_connections
+
+    path = write(tmp_path / "a.msh", OWN)
+    raw = build(path)
+    plus = raw.points[raw.cells[raw.cell_body == 1]]
+    assert plus[..., 1].min() == 0
+    raw.points[np.unique(raw.cells[raw.cell_body == 1]), 1] += 0.5e-4 * 1e-3
+    raw.interfaces.clear()
+    with pytest.raises(RuptfxError, match=facts(r"'lower' and 'upper' .* 21 nodes")):
+        check_connections(raw, [])
+
+
+@pytest.mark.parametrize("version", [4.0, 4.1])
+def test_what_gmsh_reads_in_part_is_refused(version: float, tmp_path: Path) -> None:
+    path = write(tmp_path / "a.msh", MshFileVersion=version)
+    whole = path.read_bytes()
+    for part in (0.2, 0.5, 0.9):
+        path.write_bytes(whole[: int(part * len(whole))])
+        with pytest.raises(RuptfxError, match=r"a\.msh: not a mesh that can be read \(.*Gmsh: .*\); write it again"):
+            build(path)
+
+
+def test_no_file_of_options_is_run_beside_a_mesh(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.msh", MshFileVersion=4.0)
+    (tmp_path / "a.msh.opt").write_text(f'SystemCall "touch {tmp_path}/hit";\n')
+    assert_plates(build(path))
+    assert not (tmp_path / "hit").exists()
+
+
+def test_exodus_is_refused_with_formats_that_work(tmp_path: Path) -> None:
+    (tmp_path / "a.exo").write_bytes(b"CDF")
+    with pytest.raises(RuptfxError, match=facts(r"a\.exo: .* \.msh, \.med, \.unv .* \.inp ")):
+        build(tmp_path / "a.exo")
