@@ -25,6 +25,7 @@ import xarray
 from helpers.messages import facts
 from helpers.small_cases import merged, slip_weakening, strike_slip
 
+from ruptfx.app.commands.infer import _note
 from ruptfx.case import Case, parse_case, read_case
 from ruptfx.input.schema import CaseError
 
@@ -650,6 +651,20 @@ def test_figures_show_the_numbers_of_the_result() -> None:
     np.testing.assert_allclose(pair.lines[0].get_data(), [10 * samples[D_c.key] * 100, samples[other.key] * 1e3])
     for ax, value in ((first, 30.0), (second, 60.0)):
         np.testing.assert_allclose(ax.lines[0].get_xdata(), value)
+        interval = ax.patches[-1].get_extents().transformed(ax.transData.inverted())
+        assert [interval.x0, interval.x1] == pytest.approx([20.0, 50.0])
+    labels = [(ax.get_xlabel(), ax.get_ylabel()) for ax in (first, pair, second)]
+    assert labels == [("", ""), ("D_c (mm)", "D (mm)"), ("D (mm)", "")]
+
+
+@pytest.mark.parametrize("ends, at_bound, note", [
+    ((2.0, 4.0), False, ""), ((2.0, 4.0), True, "at bound"), ((1.5, 5.5), False, "not determined"),
+])  # fmt: skip
+def test_an_interval_as_wide_as_the_bounds_determines_nothing(ends: Any, at_bound: bool, note: str) -> None:
+    """Bounds of 2 and 6."""
+    value, interval = np.array([3.0]), np.array(ends)[:, None]
+    made = Recovered("key", "m", "number", value, value, value, interval, at_bound, interval)
+    assert _note(made, [2.0, 6.0]) == note and _note(made, None) == ("at bound" if at_bound else "")
 
 
 def test_the_best_case_of_a_number_on_a_surface() -> None:

@@ -18,7 +18,7 @@ from ruptfx.laws.cohesion.linear import Linear
 from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.many_runs.adjoint import figure as gradients
-from ruptfx.many_runs.study import search_figure
+from ruptfx.many_runs.study import search, search_figure
 from ruptfx.many_runs.study.definition import Axis
 from ruptfx.results import movies
 from ruptfx.results.analysis.emission import BValue, Catalogue, FractalDimension, Omori
@@ -100,6 +100,12 @@ def test_searches_show_the_best_set_so_far() -> None:
         np.testing.assert_allclose(line.get_ydata(), [number / 4, number / 4])
         assert line.get_color() == search_figure.MAP(scores[number] / 0.9)
     assert [text.get_text() for text in below.texts] == ["1", "3", "1e-06", "0.01"]
+    # Neighbours are a quarter of both ranges apart; of those that are 0.1 apart, the root mean square, the best counts.
+    assert [one.score for one in search.best_of(study, sets, 3)] == [0.9, 0.6, 0.4]
+    for apart, kept in ((0.13, [0.9, 0.5]), (0.15, [0.9, 0.8, 0.5])):  # along one of two axes, 0.092 and 0.106
+        near = [SimpleNamespace(score=score, sample={"a": 1.0 + 2 * part, "b": 1e-4})
+                for score, part in ((0.9, 0.4), (0.8, 0.4 + apart), (0.5, 0.9))]  # fmt: skip
+        assert [one.score for one in search.best_of(study, near)] == kept  # type: ignore[arg-type]
 
 
 def test_two_runs_over_each_other(tmp_path: Path) -> None:
@@ -136,8 +142,8 @@ def test_two_surfaces_over_each_other(tmp_path: Path) -> None:
         for line, data in zip(rate.lines, (one.interface, two.interface), strict=True):
             middle = int(np.argmin(np.hypot(data.position, data.dip - 10e3).values))
             np.testing.assert_allclose(line.get_data(), [data.time, data.slip_rate_1[:, middle]])
-        assert times.get_ylim() == (20.0, 0.0) and slip.get_title() == "10 km down dip"
-        assert rate.get_title() == "at 0, 10 km"
+        assert (times.get_xlim(), times.get_ylim()) == ((-20.0, 20.0), (20.0, 0.0))
+        assert (slip.get_title(), rate.get_title()) == ("10 km down dip", "at 0, 10 km")
 
 
 @pytest.mark.parametrize("logarithmic", [False, True])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.messages import facts
@@ -42,6 +44,14 @@ def test_forces_carry_the_load_and_no_asperity_pulls() -> None:
         population.advance(1e-6, 0.02)
         assert ASPERITY.stiffness * population.pressed().sum() == pytest.approx(1.2, rel=1e-12)
         assert population.pressed().min() >= 0
+
+
+@pytest.mark.parametrize("shape", [1.0, 4.0])
+def test_lengths_have_their_mean_and_shape(shape: float) -> None:
+    """A gamma distribution: its variance is the square of the mean over the shape."""
+    lengths = Population(replace(ASPERITY, length_shape=shape), 20_000, 1.2, seed=3).left
+    assert lengths.mean() == pytest.approx(ASPERITY.mean_length, rel=0.03)
+    assert lengths.var() == pytest.approx(ASPERITY.mean_length**2 / shape, rel=0.1)
 
 
 def test_hold_against_an_integrator() -> None:

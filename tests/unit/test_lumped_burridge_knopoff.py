@@ -53,6 +53,13 @@ def test_energy_is_accounted_for() -> None:
     assert float(data.energy_error) < 1e-9
 
 
+def test_the_slip_in_events_of_all_blocks() -> None:
+    data = BurridgeKnopoff(blocks=4, coupling_stiffness=4e4, events=100, discarded=20).run()
+    slip = data["slip"].values
+    whole = float(slip[(slip > 0).all(axis=1)].sum() / slip.sum())
+    assert 0 < whole < 1 and float(data["slip_in_large"]) == pytest.approx(whole, rel=1e-12)
+
+
 def test_blocks_follow_the_drive() -> None:
     """What the leaf springs lose in an event is the slip; between events they gain what the drive moves."""
     model = BurridgeKnopoff(blocks=20, events=30, discarded=0)

@@ -139,9 +139,11 @@ def test_the_figure_shows_both_signals(tmp_path: Path) -> None:
     pairs = list(compare_with_file(recorded(), file, "G1").values())
     figure = overlay(pairs, "g.csv")
     assert label_faults(figure) == []
-    for axes, largest in zip(figure.axes, (0.033, 0.015), strict=True):
+    for axes, largest, exact in zip(figure.axes, (0.033, 0.015), (0.03, 0.015), strict=True):
         measured, computed, shifted = axes.lines
         assert measured.get_ydata().max() == pytest.approx(largest, rel=1e-3)  # in %
+        np.testing.assert_array_equal(shifted.get_ydata(), computed.get_ydata())
+        assert computed.get_ydata().max() == pytest.approx(exact, rel=1e-3)
         assert shifted.get_xdata()[0] - computed.get_xdata()[0] == pytest.approx(2.0, abs=0.01)  # us
 
 

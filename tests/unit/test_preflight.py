@@ -578,6 +578,11 @@ def test_what_instruments_see() -> None:
     speed = math.sqrt(5.3e9 / 2 / 1.35 / 1246)
     assert seen.value == pytest.approx(250e3) and seen.verdict == "ok"
     assert f"carries S waves to {speed / 2.5e-3:.3g} Hz" in seen.note and "measures as at a point" in seen.note
+    both = {"kind": "velocimeter", "name": "both", "interval": 2e-6, "point": [5e-3, 2e-3], "direction": [1.0, 0.0],
+            "relative_to": [5e-3, -2e-3]}  # fmt: skip
+    soft = {"instruments": [both], "materials.lower": {**HOMALITE, "young_modulus": 5.3e9 / 4}}
+    note = rows(plates(soft))["instruments.both: highest frequency"].note
+    assert f"carries S waves to {0.5 * speed / 2.5e-3:.3g} Hz" in note  # in the slower body
     alias = found["instruments.cell: highest frequency"]
     assert alias.verdict == "warning" and "passes more: reduce the interval" in alias.note
     smooth = found["instruments.slow: highest frequency"]
