@@ -59,8 +59,8 @@ def opened(path: Path) -> Iterator[h5netcdf.File]:
     import h5py
 
     with _readable(path):
-        with h5py.File(path, "r") as file:
-            file.attrs.get("_nc3_strict")  # first: h5netcdf prints a traceback where it cannot read this
+        with h5py.File(path, "r") as raw:
+            raw.attrs.get("_nc3_strict")  # first: h5netcdf prints a traceback where it cannot read this
         with h5netcdf.File(path, "r") as file:
             yield file
 

@@ -339,3 +339,18 @@ def test_incident_waves_need_a_uniform_edge() -> None:
     with pytest.raises(CaseError, match=facts(r"boundaries\.0\.edge = 'lower\.bottom'.* vary")):
         Model(parse_case(given), COMM)
 
+
+def test_a_fluid_is_refused_with_its_points(tmp_path: Path) -> None:
+    """c_s falls from 1200 m/s at y = -4 mm to 0 at y = 2 mm and above, where 2 x 7 nodes are."""
+    speeds = over("y", kind="table", positions=[-4e-3, 2e-3, 4e-3], values=[1200.0, 0.0, 0.0])
+    table = plates({"plane": "strain", "order": 1, "materials.default": {
+        "kind": "isotropic_elastic", "density": 1246.0, "c_p": 2100.0, "c_s": speeds}})  # fmt: skip
+    message = r"materials\.upper: c_s = \S+ m/s, .* at 14 points, the first at \(0, 0\.002\) m; give"
+    with pytest.raises(CaseError, match=message) as refused:
+        Model(parse_case(table), COMM)
+    assert "young_modulus" not in str(refused.value) and "poisson_ratio" not in str(refused.value)
+    lifted = {**speeds, "profile": {**speeds["profile"], "values": [1200.0, 100.0, 100.0]}}
+    Model(parse_case(merged(table, {"materials.default.c_s": lifted})), COMM)  # the remedy
+    slow = {**speeds, "profile": {**speeds["profile"], "values": [1200.0, 2000.0, 2000.0]}}
+    with pytest.raises(CaseError, match=r"materials\.upper: c_p = 2100 m/s .* = 2\d+\.?\d* m/s"):
+        Model(parse_case(merged(table, {"materials.default.c_s": slow})), COMM)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ruptfx.input.profiles import PointsError
 from ruptfx.input.schema import CaseError
 from ruptfx.laws.materials import Material, Plane, PointError
 from ruptfx.platform import fem, parallel
@@ -60,6 +61,7 @@ class Variation:
         self._row = np.zeros(len(self._body), dtype=np.int64)  # of a cell among those of its body
         self._values: list[dict[str, np.ndarray]] = []
         error: CaseError | None = None
+        refused = np.zeros((0, 1 + space.mesh.geometry.dim))  # number of the body, point
         for number, (name, material) in enumerate(zip(names, materials, strict=True)):
             cells = np.flatnonzero(self._body == number)
             self._row[cells] = np.arange(len(cells))
@@ -67,9 +69,12 @@ class Variation:
             if material.varying and error is None:
                 try:
                     found = self._evaluated(material, cells)
+                except PointsError as caught:
+                    error, refused = caught, np.insert(caught.points, 0, number, axis=1)
                 except (CaseError, ValueError) as caught:
                     error = CaseError(f"materials.{name}.{caught}")
             self._values.append(found)
+        error = self._of_all_ranks(error, refused, names)
         parallel.raise_on_all(space.mesh.comm, error)
         self.references = [self._reference(number) for number in range(len(self.given))]
         speeds = self.evaluate(lambda material, number: self.impedance(
@@ -79,6 +84,17 @@ class Variation:
             parallel.largest(space.mesh.comm, float(speeds[cell_body == number].max(initial=0.0)))
             for number in range(len(self.given))
         ])  # fmt: skip
+
+    def _of_all_ranks(self, error: CaseError | None, refused: np.ndarray, names: Sequence[str]) -> CaseError | None:
+        """Return the error of this rank, one about points with those of the first body on all ranks; collective."""
+        everywhere = parallel.share_rows(self._space.mesh.comm, refused)
+        if not len(everywhere) or (error is not None and not isinstance(error, PointsError)):
+            return error
+        body = int(everywhere[:, 0].min())
+        if not isinstance(error, PointsError) or refused[0, 0] != body:
+            return None
+        points = everywhere[everywhere[:, 0] == body, 1:]
+        return CaseError(str(PointsError(f"materials.{names[body]}: {error.reason}", points, error.remedy)))
 
     @staticmethod
     def needed(materials: Sequence[Material]) -> bool:

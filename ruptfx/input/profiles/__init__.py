@@ -23,6 +23,24 @@ else:
     Value = Annotated[float, OfKey()]
 
 
+class PointsError(CaseError):
+    """Values that are refused at some points of the bodies.
+
+    Attributes
+    ----------
+    reason, remedy : str
+    points : ndarray, shape (n, dimensions)
+        [m].
+    """
+
+    def __init__(self, reason: str, points: np.ndarray, remedy: str) -> None:
+        self.reason, self.points, self.remedy = reason, points, remedy
+        size = 1e-8 * float(np.abs(points).max()) or 1.0  # points are a little inside of their elements
+        known = np.unique(np.round(points / size), axis=0) * size + 0.0
+        first = ", ".join(f"{x:.6g}" for x in known[0])
+        super().__init__(f"{reason} at {len(known)} points, the first at ({first}) m; {remedy}")
+
+
 class Profile(Alternative):
     """Contract of a profile."""
 

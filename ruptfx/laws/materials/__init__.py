@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, model_validator
 
 from ruptfx import RuptfxError
-from ruptfx.input.profiles import Profile
+from ruptfx.input.profiles import PointsError, Profile
 from ruptfx.input.schema import Alternative, Bound, CaseError, OwnJsonSchema, alternative, by_name
 from ruptfx.input.units import FringeConstant, VaryingDensity
 from ruptfx.laws.materials.library import LIBRARY, constants_of
@@ -137,6 +137,8 @@ class Material(Alternative):
         for key, profile in self.varying.items():
             try:
                 found[key] = profile.in_body(points)
+            except PointsError:  # names its own keys
+                raise
             except CaseError as error:
                 raise CaseError(f"{key}: {error}") from None
             for bound in _bounds(type(self), key.partition(".")[0]):
