@@ -317,6 +317,31 @@ def test_no_cohesion_is_no_lost_exponent() -> None:
     assert "upper: cohesion" in doubted({**table, "materials.default": {**sand, "cohesion": 5.0}})
 
 
+PUSHED = {"kind": "traction", "edge": "upper.top", "traction": [0.0, -1e5]}
+AROUND = [{"kind": "absorbing", "edge": f"lower.{side}"} for side in ("bottom", "left", "right")]
+
+
+def test_bodies_that_only_dashpots_hold_drift() -> None:
+    """1200 N/m over rho c_p = sqrt(1246 * 8.5062e9) along 12 mm and rho c_s = sqrt(1246 * 1.96296e9) along 2 x 4 mm."""
+    pressed = {"plane": "strain", "boundaries": [PUSHED, *AROUND]}
+    found = doubted(pressed)["upper, lower: drift along y"]
+    assert found.value == pytest.approx(1200 / (12e-3 * 3.25558e6 + 8e-3 * 1.56392e6), rel=1e-4)
+    assert [name for name in doubted(pressed) if "drift" in name] == ["upper, lower: drift along y"]
+
+
+@pytest.mark.parametrize("boundaries", [
+    [PUSHED, *AROUND[1:], {"kind": "driven", "edge": "lower.bottom", "component": "y", "velocity": 0.0}],
+    [PUSHED, *AROUND[1:], {"kind": "spring", "edge": "lower.bottom", "normal": 1e12}],
+    [PUSHED, *AROUND[1:], {"kind": "traction", "edge": "lower.bottom", "traction": [0.0, 1e5]}],
+    [{**PUSHED, "history": {"kind": "ricker", "frequency": 1e7, "delay": 2e-7}}, *AROUND],  # a pulse passes
+    [{"kind": "incident_wave", "edge": "lower.bottom", "wave": "P", "direction": [0.0, 1.0], "velocity": 1.0,
+      "history": {"kind": "ricker", "frequency": 1e5, "delay": 2e-6}}],
+], ids=["driven", "spring", "both sides", "pulse", "wave"])  # fmt: skip
+def test_bodies_that_are_held_do_not_drift(boundaries: list[dict[str, Any]]) -> None:
+    """The first three are the remedies of the message."""
+    assert not [name for name in doubted({"plane": "strain", "boundaries": boundaries}) if "drift" in name]
+
+
 def test_echoes_of_edges_that_reflect() -> None:
     """From the interface to the edge and back with c_p of plane stress, sqrt(E / rho / (1 - nu^2)) = 2201.7 m/s."""
     height = plates()["mesh"]["height"]

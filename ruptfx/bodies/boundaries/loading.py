@@ -180,6 +180,12 @@ class Loads:
             acting.reshape(-1, self.model.components)[support.nodes] = True
         return acting
 
+    @property
+    def lasting_forces(self) -> list[Force]:
+        """Forces of the boundaries without dashpots of their own, which let waves pass."""
+        actions = [action for _, found in self._acts for action in found]
+        return [action.force for action in actions if action.force is not None and action.dashpot is None]
+
     def drive(self, velocity: np.ndarray, time: float) -> None:
         """Set the velocity of driven edges at a time [s], in place."""
         for motion in self.motions:

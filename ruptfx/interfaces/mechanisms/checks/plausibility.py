@@ -23,6 +23,7 @@ MODULI = (1e3, 1.3e12)  # Pa
 DENSITIES = (10.0, 23e3)  # kg/m3
 SPEEDS = (1.0, 20e3)  # m/s
 LEAST_STRESS = 100.0  # Pa
+BALANCED = 1e-6  # largest resultant of loads over their sum that may be rounding
 LARGEST_STRAIN = 0.05  # of the initial stress over the modulus rho c_p^2
 
 
@@ -64,6 +65,7 @@ def doubts(model: System) -> Iterator[Doubt]:
             yield from _stress(model, fault)
     if model.case.stepper.inertia and not model.case.stepper.adaptive:
         yield from _echoes(model)
+        yield from _drifts(model)
 
 
 def slow_records(model: System, label: str, zone: float, c_R: float) -> Iterator[Doubt]:
@@ -127,3 +129,45 @@ def _echoes(model: System) -> Iterator[Doubt]:
                 likely_meant=True,
             )  # fmt: skip
             explained = explained or name
+
+
+def _drifts(model: System) -> Iterator[Doubt]:
+    """Warn of bodies that only dashpots hold against a lasting load: they move for ever at the load over the dashpots.
+
+    Loads of entries with dashpots of their own, as incident waves, pass. Interfaces and ties count as connections.
+    """
+    loads, layout, c, end = model.loads, model.layout, model.components, model.case.duration
+    if model.cracks is not None or model.collisions is not None or model.attachments:
+        return
+    group = layout.welded.copy()
+    joined = [face.nodes for face in (fault.interface for fault in model.faults)]
+    joined += [np.concatenate([model.loads.edge(name, "boundaries").nodes for name in boundary.tied_edges])
+               for boundary in model.case.boundaries if boundary.tied_edges]  # fmt: skip
+    for nodes in joined:
+        there = group[layout.touches[:, nodes].any(axis=1)]
+        group[np.isin(group, there)] = there.min(initial=group.max())
+    held = loads.prescribed.reshape(-1, c)
+    for support in loads.supports:
+        held[support.nodes] |= np.any(support.stiffness, axis=2)
+    for fault in model.faults:
+        if fault.interface.one_sided:
+            held[fault.interface.plus] = True
+    lasting = [np.zeros((model.nodes, c)) for _ in range(2)]
+    for total, time in zip(lasting, (0.9 * end, end), strict=True):
+        for force in loads.lasting_forces:
+            total.ravel()[force.dofs] += force.factor(time) * force.values
+    dashpot = loads.dashpot.reshape(-1, c)
+    for label in np.unique(group):
+        nodes = layout.touches[group == label].any(axis=0)
+        names = ", ".join(model.bodies.names[body] for body in np.flatnonzero(group == label))
+        for i, axis in enumerate("z" if c == 1 else "xyz"[:c]):
+            resultant = min((float(total[nodes, i].sum()) for total in lasting), key=abs)
+            largest = float(np.abs(lasting[1][nodes, i]).sum())
+            if held[nodes, i].any() or abs(resultant) <= BALANCED * largest or not dashpot[nodes, i].any():
+                continue
+            speed = abs(resultant) / float(dashpot[nodes, i].sum())
+            yield Doubt(
+                f"{names}: drift along {axis}", speed, "m/s",
+                f"only dashpots resist the load along {axis}: the bodies move for ever, {speed * end:.3g} m until the "
+                "end; hold an edge (kind = 'driven' with velocity = 0, or 'spring'), or load the other side, too",
+            )  # fmt: skip
