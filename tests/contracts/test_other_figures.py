@@ -143,6 +143,7 @@ def test_two_surfaces_over_each_other(tmp_path: Path) -> None:
             middle = int(np.argmin(np.hypot(data.position, data.dip - 10e3).values))
             np.testing.assert_allclose(line.get_data(), [data.time, data.slip_rate_1[:, middle]])
         assert (times.get_xlim(), times.get_ylim()) == ((-20.0, 20.0), (20.0, 0.0))
+        assert (times.get_ylabel(), slip.get_xlabel()) == ("Down dip (km)", "x (km)")
         assert (slip.get_title(), rate.get_title()) == ("10 km down dip", "at 0, 10 km")
 
 

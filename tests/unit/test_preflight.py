@@ -483,6 +483,27 @@ def test_samples_of_a_history_and_of_stages() -> None:
     assert staged["stages.1.boundaries.0: samples"].verdict == "ok"  # a history keeps its last value
 
 
+def test_points_that_slip_at_once() -> None:
+    """0.3 x 6 MPa carry two thirds of 2.7 MPa, at 9 points within 2 mm of the middle, of two elements of order 4."""
+    shear = {"kind": "boxcar", "inside": 2.7e6, "outside": 0.0, "center": 6e-3, "half_width": 2e-3}
+    friction = {"kind": "coulomb", "mu_d": 0.3}
+    found = rows(plates({"faults.main.friction": friction, "faults.main.initial_stress.shear": shear}))
+    row = found[": shear / strength"]
+    assert row.value == pytest.approx(1.5) and row.verdict == "warning" and "at 9 points" in row.note
+    everywhere = rows(plates({"faults.main.friction": friction, "faults.main.initial_stress.shear": 3.6e6}))
+    assert everywhere[": shear / strength"].value == pytest.approx(2.0)
+    assert "everywhere" in everywhere[": shear / strength"].note
+    assert ": shear / strength" not in rows(plates())
+
+
+def test_the_first_of_steps_that_vary() -> None:
+    rigid = {"kind": "augmented_lagrangian"}
+    steps = {"stepper": {"kind": "quasi_static", "first_step": 2e-8}, "faults.main.contact": rigid}
+    found = rows(plates(steps))
+    assert found["first time step"].value == pytest.approx(2e-8) and "time step" not in found
+    assert "vary over 5e-06 s" in found["first time step"].note
+
+
 def test_records_coarser_than_the_process() -> None:
     # Process zone 6.504 mm (above), c_R of plane stress 1155.9 m/s: it passes in 5.63 us.
     for interval, doubt in ((5.5e-6, False), (5.8e-6, True)):
