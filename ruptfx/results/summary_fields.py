@@ -82,7 +82,7 @@ DESCRIPTIONS = {
     "tensile_share_until_98": "Tensile part of the events until 98 % of that time.",
     "largest_magnitude": "Largest magnitude of all events.",
     "b_value": "b-value of clusters of events of the whole run: closer than three facets, within the time that "
-    "half the slowest shear wave speed needs for that.",
+    "half the shear wave speed of the slowest body beside facets needs for that.",
     "b_value_error": "Its standard error.",
     "b_value_of_facets": "b-value of single events before the peak; it depends on M_c, as magnitudes span little.",
     "b_value_of_facets_error": "Its standard error.",

@@ -328,7 +328,8 @@ def write_cracks(path: Path, failed: int) -> None:
     ends = triple[np.arange(facets) % 3] + shift[:, None]
     time = np.array([1e-6, 2e-6])
     with h5py.File(path / "cracks.h5", "w") as file:
-        file.attrs["bodies"] = ["rock"]
+        file.attrs["bodies"], file["bodies"] = ["rock"], np.zeros((facets, 2), dtype=np.int32)
+        file.attrs["c_s_of_bodies"], file.attrs["c_R_of_bodies"] = [1253.0], [1174.0]  # of Homalite
         file["points"], file["lines"] = ends.reshape(-1, 2), np.arange(2 * facets).reshape(-1, 2)
         file["length"] = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
         status = np.where(np.arange(facets) < failed, 2, 0)

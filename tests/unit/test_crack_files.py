@@ -14,6 +14,7 @@ from helpers.crack_cases import RUBS, WEAK, case
 from helpers.units import check_units
 
 from ruptfx import simulate
+from ruptfx.laws.materials import WaveSpeeds
 from ruptfx.results.record import Record
 from ruptfx.run.recording.crack_files import CrackFiles, events
 
@@ -80,12 +81,14 @@ def test_every_field_of_a_snapshot(tmp_path: Path) -> None:
         "damage": [[1.0, 0.4]], "inelastic_opening": [[1e-6, 3e-6]], "slip": [[-2e-6, 6e-6]],
         "normal_traction": [[1e6, 2e6]], "shear_traction": [[4e6, -1e6]],
     }  # fmt: skip
-    files = CrackFiles(tmp_path, FACETS, BODIES, JOINTS, 1.0)
+    speeds = [WaveSpeeds(3e3, 2e3, 1.8e3), WaveSpeeds(4e3, 2.5e3, 2.3e3)]
+    files = CrackFiles(tmp_path, FACETS, BODIES, speeds, JOINTS, 1.0)
     files.append(3e-6, STATE | {name: np.array(values) for name, values in ends.items()})
     files.close()
     (tmp_path / "case.toml").write_text("")
     with Record(tmp_path) as record:
         cracks = record.cracks
+        assert [*cracks.attrs["c_s_of_bodies"], *cracks.attrs["c_R_of_bodies"]] == [2e3, 2.5e3, 1.8e3, 2.3e3]
         expected = {"status": 1, "damage": 0.7, "opening": 2e-6, "slip": 2e-6, "normal_traction": 1.5e6,
                     "shear_traction": 1.5e6}  # fmt: skip
         assert cracks.time.values.tolist() == [3e-6]

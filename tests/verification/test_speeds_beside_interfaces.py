@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from helpers.crack_cases import GRANITE, block
+from helpers.sliding_cases import STIFF, rough, wave
 from helpers.small_cases import HOMALITE, branched, case, plates
 
 pytest.importorskip("dolfinx")
@@ -12,12 +14,16 @@ from ruptfx import Record
 from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case
 from ruptfx.interfaces.faults.sides import sides_of
+from ruptfx.interfaces.mechanisms.checks.plausibility import doubts
+from ruptfx.interfaces.sliding.roughness import roughness
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic, rayleigh_speed
 from ruptfx.many_runs.study.harvest import harvest, scalars
 from ruptfx.platform import fem
+from ruptfx.results.analysis.compression import slowest
 from ruptfx.results.analysis.verdict import verdict
 from ruptfx.run.model import Model
 from ruptfx.run.simulation import simulate
+from ruptfx.stepping.steppers.quasi_static import slip_to_resolve
 
 pytestmark = pytest.mark.fem
 
@@ -230,3 +236,64 @@ def test_a_run_of_an_earlier_version_opens(tmp_path):
         found = summarise(old)
     for name in ("tip_speed_over_c_R", "tip_speed_over_c_s", "tip_speed_over_c_l"):
         assert found[name] == pytest.approx(expected[name], rel=1e-9)
+
+
+def test_cracks_have_the_waves_of_the_bodies_beside_facets(tmp_path):
+    """c_s = sqrt(E / (2 (1 + nu) rho)); the upper body has 4 times the density, and S waves half as fast."""
+    mesh = {"kind": "triangles", "width": 4e-3, "height": 8e-3, "element_size": 2e-3, "divide": 4e-3, "turn": 0.2}
+    upper = {**GRANITE, "density": 4 * 2600.0}
+    table = block({"mesh": mesh, "materials.upper": upper, "duration": 1e-7, "boundaries": []})
+    simulate(parse_case(table), tmp_path / "run", progress=False)
+    c_s = np.sqrt(50e9 / 2.5 / 2600)
+    with Record(tmp_path / "run") as record:
+        speeds = dict(zip(record.cracks.attrs["bodies"], record.cracks.attrs["c_s_of_bodies"], strict=True))
+        assert speeds == {"lower": pytest.approx(c_s, rel=1e-12), "upper": pytest.approx(c_s / 2, rel=1e-12)}
+        assert slowest(record.cracks, "c_s") == pytest.approx(c_s / 2, rel=1e-12)
+        # nu = 1/4: (c_R / c_s)^2 = 2 - 2 / sqrt(3)
+        assert slowest(record.cracks, "c_R") == pytest.approx(c_s / 2 * np.sqrt(2 - 2 / np.sqrt(3)), rel=1e-9)
+
+
+def far_strips(changes):
+    """A tenth of the stiffness at |y| > 2 mm of plates 12 mm long and 4 mm high."""
+    return {"materials.default.young_modulus": layers("y", [-2e-3, 2e-3], [0.53e9, 5.3e9, 0.53e9]), **changes}
+
+
+@pytest.mark.parametrize("far", [False, True])
+def test_slip_that_relaxes_the_normal_stress_of_the_bodies_beside_the_interface(far):
+    """A fiftieth of 0.01 L sigma / G with L = 12 mm, sigma = 6 MPa, G = 5.3 / 2.7 GPa, whatever is 2 mm away."""
+    changes = {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.5}}
+    model = Model(case(far_strips(changes) if far else changes), COMM)
+    assert slip_to_resolve(model, model.faults[0]) == pytest.approx(0.02 * 0.01 * 12e-3 * 6e6 / (5.3e9 / 2.7), rel=1e-9)
+
+
+def test_strains_are_those_of_the_bodies_beside_the_interface():
+    """rho c_p^2 = E / (1 - nu^2) = 6.04 GPa carries 200 MPa by 3.3 %; strips of 0.604 GPa, 2 mm away, do not count."""
+    def doubted(changes):
+        loaded = changes | {"faults.main.initial_stress.normal": 200e6}
+        return [each.quantity for each in doubts(Model(case(loaded), COMM)) if "initial_stress" in each.quantity]
+
+    assert doubted(far_strips({})) == []
+    assert doubted({"materials.default.young_modulus": 2.65e9}) == ["faults.main.initial_stress"]  # 6.6 %
+
+
+def test_rough_surfaces_have_the_modulus_beside_them():
+    """1 / E* = (1 - nu^2) / E of 5.3 and 3.392 GPa with nu = 1/4, without the soft upper half of the upper body."""
+    strip = {"kind": "along_axis", "axis": "y",
+             "profile": {"kind": "layers", "boundaries": [0.3e-3], "values": [5.3e9, 1e9]}}  # fmt: skip
+    parsed = parse_case(rough({"materials.upper": STIFF | {"young_modulus": strip}}))
+    model = Model(parsed, COMM)
+    found = roughness(model, parsed.mesh, model.faults[0], [(0.0, model.loads)])
+    assert found is not None and found.modulus == pytest.approx(1 / (0.9375 * (1 / 5.3e9 + 1 / 3.392e9)), rel=1e-9)
+
+
+def test_a_rough_base_is_rigid():
+    """Only the block counts: E* = 5.3 / 0.9375 GPa in plane strain, and E in plane stress."""
+    for plane, modulus in (("strain", 5.3e9 / 0.9375), ("stress", 5.3e9)):
+        changes = {"plane": plane, "mesh": {
+            "kind": "block_on_rigid", "length": 1.2e-3, "height": 0.5e-3, "element_size": 0.1e-3,
+            "base": {"profile": wave(-1), "length": 2.4e-3, "left": -0.6e-3},
+        }, "materials": {"default": STIFF}, "boundaries": []}  # fmt: skip
+        parsed = parse_case(rough(changes))
+        model = Model(parsed, COMM)
+        found = roughness(model, parsed.mesh, model.faults[0], [(0.0, model.loads)])
+        assert found is not None and found.modulus == pytest.approx(modulus, rel=1e-9)

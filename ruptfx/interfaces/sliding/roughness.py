@@ -13,9 +13,9 @@ from ruptfx.bodies.meshes.rough_plates import RoughPlates
 from ruptfx.input.profiles.constant import Constant
 from ruptfx.input.profiles.self_affine import SelfAffine
 from ruptfx.input.profiles.sinusoid import Sinusoid
+from ruptfx.interfaces.faults.sides import Sides, sides_of
 from ruptfx.interfaces.sliding.interface import SlidingInterface
 from ruptfx.interfaces.sliding.surface import Floats, Surface
-from ruptfx.laws import fracture
 
 if TYPE_CHECKING:
     from ruptfx.bodies.boundaries.loading import Loads
@@ -33,7 +33,7 @@ class Roughness:
     Attributes
     ----------
     modulus : float
-        E* of the two bodies [Pa].
+        E* of the two bodies beside the interface [Pa].
     slope : float
         Root mean square slope of their distance.
     wave : (float, float), or None
@@ -73,12 +73,11 @@ def roughness(
     assert isinstance(face, SlidingInterface)
     sides = face.geometry.plus, face.geometry.minus
     slope = _slope(*sides)
-    moduli = [_modulus(model, side) for side in sides]
-    if slope < SMOOTH or None in moduli:
+    if slope < SMOOTH or not all(_is_isotropic(model, side) for side in sides):
         return None
-    modulus = 1 / sum(1 / each for each in moduli if each is not None)
     spacing = sides[0].spacing, sides[1].spacing
     wave, shortest = _waves(mesh)
+    modulus = _modulus(sides_of(model, face))
     return Roughness(modulus, slope, wave, shortest, spacing, _pressure(model, fault, face, loads))
 
 
@@ -102,16 +101,19 @@ def _slope(plus: Surface, minus: Surface) -> float:
     return float(np.sqrt(np.sum(np.diff(apart) ** 2 / step) / step.sum()))
 
 
-def _modulus(model: Discretisation, side: Surface) -> float | None:
-    """Return E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite for a rigid side, None for no number."""
-    if not len(side.nodes):
-        return float("inf")
-    first, *others = [model.materials[body] for body in np.flatnonzero(model.layout.touches[:, side.nodes].any(axis=1))]
-    if first.lame(model.plane) is None or any(material != first for material in others):
-        return None
-    material = first
-    speeds = material.wave_speeds(model.plane)
-    return 2 * fracture.effective_modulus(material.density * speeds.c_s**2, speeds.c_p, speeds.c_s)
+def _is_isotropic(model: Discretisation, side: Surface) -> bool:
+    """Return whether the bodies of a side, if it has any, are of one isotropic material."""
+    beside = [model.materials[body] for body in np.flatnonzero(model.layout.touches[:, side.nodes].any(axis=1))]
+    return all(each.lame(model.plane) is not None and each == beside[0] for each in beside)
+
+
+def _modulus(sides: Sides) -> float:
+    """Return E* [Pa], one over the mean along the interface of the sum of (1 - nu^2) / E beside it.
+
+    In plane stress without nu; a rigid side adds nothing. E / (1 - nu^2) is 4 G (1 - (c_s / c_p)^2).
+    """
+    modulus = 4 * sides.moduli[..., 0, 0] * (1 - (sides.along[..., 1] / sides.along[..., 0]) ** 2)
+    return float(1 / np.mean(np.sum(1 / modulus, axis=0)))
 
 
 def _waves(mesh: Part) -> tuple[tuple[float, float] | None, float | None]:

@@ -6,16 +6,12 @@ All is read from the files of a run: `edges.csv`, `events.h5`, `cracks.h5`, `bul
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import scipy
-from pydantic import TypeAdapter, ValidationError
 
 from ruptfx import RuptfxError, Table
-from ruptfx.input.plugins import active, named
-from ruptfx.input.schema import CaseError
-from ruptfx.laws.materials import AnyMaterial, Material
 from ruptfx.results.analysis.emission import (
     Array,
     BValue,
@@ -29,7 +25,7 @@ from ruptfx.results.analysis.emission import (
 )
 
 if TYPE_CHECKING:
-    from ruptfx.results.record import Files
+    from ruptfx.results.record import Data, Files
 
 SMALLEST = -10.0
 """Magnitude of the smallest events that count, as in Zhao (2013)."""
@@ -40,8 +36,8 @@ WINDOWS = (0.95, 0.98, 1.0)
 """Parts of the time of the first peak until which tensile shares are given; the last is the window of Zhao (2013)."""
 MODES = ("tensile", "shear", "mixed")
 _NO_SPEED = (
-    "materials.{}: no shear wave speed is known, by which events are linked to clusters ({}); give distance and speed, "
-    "ruptfx events RUN --link DISTANCE SPEED"
+    "cracks.h5: an earlier version wrote it without {}_of_bodies, wave speeds by which events are linked to clusters; "
+    "give distance and speed, ruptfx events RUN --link DISTANCE SPEED, or run the case again"
 )
 
 
@@ -72,7 +68,7 @@ class Loading:
         until = int(np.argmax(size >= ELASTIC[1] * top)) + 1
         below = np.flatnonzero(size[:until] <= ELASTIC[0] * top)
         part = slice(int(below[-1]) if len(below) else 0, until)
-        if until - part.start < 3:
+        if until - part.start < 3 or np.ptp(self.strain[part]) == 0:
             return float(np.nan)
         return float(np.polyfit(self.strain[part], self.stress[part], 1)[0])
 
@@ -166,7 +162,8 @@ def emission_of(
     failure_time : float, optional
         Of the specimen [s]; default: that of the first peak of the stress, if there is one.
     link : (float, float), optional
-        Distance [m] and speed [m/s] of `clusters`; default: three facets and half the slowest shear wave speed.
+        Distance [m] and speed [m/s] of `clusters`; default: three facets and half the shear wave speed
+        of the slowest body beside facets.
     """
     data, facets = record.events, record.cracks
     time_of_failure = np.asarray(data["time_of_failure"].values)
@@ -175,7 +172,9 @@ def emission_of(
     points = facets["points"].values
     near, far = distances or (2 * size, float(np.ptp(points, axis=0).min()) / 3)
     seismic = Catalogue(events.time[counted], events.x[counted], events.y[counted], events.energy[counted])
-    seen = tried(lambda: clusters(events.seismic(smallest), *(link or (CELLS * size, 0.5 * _slowest(record)))).events)
+    seen = tried(
+        lambda: clusters(events.seismic(smallest), *(link or (CELLS * size, 0.5 * slowest(facets, "c_s")))).events
+    )
     linked = Catalogue(*np.zeros((4, 0))) if isinstance(seen, RuptfxError) else seen
     return Emission(
         events, before, np.asarray(data["mode"].values), np.asarray(data["inclination"].values),
@@ -210,27 +209,25 @@ def _share(modes: Array, name: str) -> float:
     return float(np.mean(modes == name)) if len(modes) else float(np.nan)
 
 
-def _slowest(record: Files) -> float:
-    """Return the shear wave speed of the slowest body [m/s], of anisotropic ones along x.
+def slowest(data: Data, wave: Literal["c_s", "c_R"]) -> float:
+    """Return the speed of a wave in the slowest body beside the facets [m/s], of anisotropic ones along x.
+
+    Waves that link events, and fronts, run from facet to facet; the slowest body gives the longest time. Bodies
+    without facets, such as platens, do not count.
+
+    Parameters
+    ----------
+    data : Data
+        `cracks` of a record.
 
     Raises
     ------
     RuptfxError
-        A material without known wave speeds: that of a plug-in which is not loaded, or parameters that vary.
+        The run is of an earlier version, whose file has no speeds.
     """
-    case, speeds = record.case, []
-    with active(named(case, record.path) if record.trust else []):
-        for name, table in case["materials"].items():
-            try:
-                material = TypeAdapter[Material](AnyMaterial).validate_python(table, context={"directory": record.path})
-                if material.varying:
-                    raise RuptfxError(f"'{next(iter(material.varying))}' varies in the body")
-                speeds.append(material.wave_speeds(case["plane"]).c_s)
-            except (ValidationError, RuptfxError, ImportError) as error:  # without the extra `fem` there is no UFL
-                reason = CaseError.from_validation(error) if isinstance(error, ValidationError) else error
-                text = str(reason).replace("\n", "; ").removeprefix("case: ")
-                raise RuptfxError(_NO_SPEED.format(name, text)) from None
-    return min(speeds)
+    if f"{wave}_of_bodies" not in data.attrs:
+        raise RuptfxError(_NO_SPEED.format(wave))
+    return float(np.min(np.atleast_1d(data.attrs[f"{wave}_of_bodies"])[np.unique(data["bodies"].values)]))
 
 
 def fragments(record: Files) -> int | None:

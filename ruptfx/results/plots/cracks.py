@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
-from ruptfx.laws.fracture import rayleigh_function
+from ruptfx.results.analysis.compression import slowest
+from ruptfx.results.analysis.emission import tried
 from ruptfx.results.figure_style import GUIDE, MUTED, WIDTH, note
 from ruptfx.results.plots._sheet import Sheet, Window, figure, pair
 from ruptfx.results.record import Data, Files
@@ -33,7 +33,7 @@ def cracks(sheet: Sheet, record: Files, *, x: Window | None = None, field: str |
 
     Failed facets have the colour of their mode, damaged ones are grey. Notches are black. Lines are at undisplaced
     positions. Points are distances of failed facets from the first one, when they failed; a front that starts there
-    at the Rayleigh wave speed of the slowest body is dashed. A panel that would be empty is left out.
+    at the Rayleigh wave speed of the slowest body beside facets is dashed. A panel that would be empty is left out.
 
     Parameters
     ----------
@@ -135,20 +135,7 @@ def _growth(sheet: Sheet, ax: Axes, record: Files) -> float | None:
     latest = max(float(since.max()), 1e-300)  # positive if all facets fail at once
     ax.set(xlim=(-0.02 * latest / size, 1.05 * latest / size), ylim=(0, 1.1 * max(float(away.max()), 1e-300) / far))
     ax.set(xlabel=f"Time since the first failure ({unit})", ylabel=f"Distance from it ({far_unit})")
-    speed = _rayleigh(record)
-    if speed is not None:
+    speed = tried(lambda: slowest(record.cracks, "c_R"))
+    if isinstance(speed, float):
         ax.plot([0, 2 * away.max() / speed / size], [0, 2 * away.max() / far], "--", color=GUIDE, lw=0.8)
-    return speed
-
-
-def _rayleigh(record: Files) -> float | None:
-    """Return the Rayleigh wave speed of the slowest body [m/s]; None if no body is isotropic."""
-    speeds = []
-    for each in record.case.get("materials", {}).values():
-        if each["kind"] == "isotropic_elastic":
-            nu = each["poisson_ratio"]
-            c_s = float(np.sqrt(each["young_modulus"] / (2 * (1 + nu) * each["density"])))
-            ratio = 2 / (1 - nu) if record.case["plane"] == "stress" else (2 - 2 * nu) / (1 - 2 * nu)
-            c_p = c_s * float(np.sqrt(ratio))
-            speeds.append(float(scipy.optimize.brentq(rayleigh_function, 0.5 * c_s, (1 - 1e-9) * c_s, args=(c_p, c_s))))
-    return min(speeds, default=None)
+    return speed if isinstance(speed, float) else None

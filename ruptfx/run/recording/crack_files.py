@@ -12,6 +12,7 @@ import numpy as np
 
 from ruptfx.bodies.state import FaultState
 from ruptfx.interfaces.cracks.step import CrackStep
+from ruptfx.laws.materials import WaveSpeeds
 
 NAMES = ("cracks.h5", "cracks.xdmf", "events.h5")
 SNAPSHOTS = {
@@ -85,6 +86,8 @@ class CrackFiles:
         `delta_n` and `delta_s`, opening and slip at failure.
     bodies, joints : list of str
         Names of the bodies, and of the joints of the mesh.
+    speeds : list of WaveSpeeds
+        Of the bodies [m/s].
     thickness : float
         Thickness of the bodies [m].
     kept : int, optional
@@ -92,8 +95,8 @@ class CrackFiles:
     """
 
     def __init__(
-        self, out: Path, facets: dict[str, np.ndarray], bodies: list[str], joints: list[str], thickness: float,
-        kept: int | None = None,
+        self, out: Path, facets: dict[str, np.ndarray], bodies: list[str], speeds: list[WaveSpeeds],
+        joints: list[str], thickness: float, kept: int | None = None,
     ) -> None:  # fmt: skip
         self._out, self._facets, self._thickness = out, facets, thickness
         self._bodies, self._joints = bodies, joints
@@ -117,6 +120,8 @@ class CrackFiles:
             self._file[name] = values
             self._file[name].attrs.update({"units": unit, "long_name": text})
         self._file.attrs["bodies"], self._file.attrs["joints"] = bodies, np.array(joints, h5py.string_dtype())
+        for name in ("c_s", "c_R"):
+            self._file.attrs[f"{name}_of_bodies"] = [getattr(each, name) for each in speeds]
         self._file.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
         count = len(facets["length"])
         for name, (unit, text) in SNAPSHOTS.items():

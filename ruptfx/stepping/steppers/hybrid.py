@@ -98,7 +98,10 @@ class HybridMotion:
         self._log = logging.getLogger("ruptfx.run")
 
     def _crossing_time(self) -> float:
-        """Return the travel time of a shear wave across the bodies [s]; collective."""
+        """Return the travel time of a shear wave across all bodies at the slowest speed in any of them [s]; collective.
+
+        No wave then remains on its way, wherever it runs.
+        """
         model = self.model
         slowest = min(m.wave_speeds(model.case.plane).c_s for m in model.materials)
         high, low = (

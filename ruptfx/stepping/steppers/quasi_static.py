@@ -11,6 +11,7 @@ import numpy as np
 from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.input.schema import Part, unit_of
 from ruptfx.input.units import Duration, Fraction, Length
+from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.laws.contact import Way
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
@@ -260,11 +261,12 @@ def stepped(factor: float) -> float:
 def slip_to_resolve(model: System, fault: Fault) -> float:
     """Return a fiftieth of the shortest length in the friction law [m]; collective.
 
-    Without such a length it is a fiftieth of the slip that relaxes a hundredth of the normal stress.
+    Without such a length it is a fiftieth of the slip that relaxes a hundredth of the normal stress in the softest
+    place beside the interface.
     """
     shortest = -parallel.largest(model.comm, -min(_lengths(fault.friction), default=np.inf))
     if not np.isfinite(shortest):
-        softest = min(m.density * m.wave_speeds(model.case.plane).c_s ** 2 for m in model.materials)
+        softest = -parallel.largest(model.comm, -sides_of(model, fault.interface).softer().min(initial=np.inf))
         length = fault.interface.line.length
         shortest = 0.01 * length * parallel.largest(model.comm, fault.normal_stress_0.max(initial=0.0)) / softest
     return 0.02 * shortest if shortest > 0 else np.inf

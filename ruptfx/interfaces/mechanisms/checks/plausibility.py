@@ -12,6 +12,7 @@ from ruptfx.bodies.boundaries.absorbing import Absorbing
 from ruptfx.bodies.boundaries.incident_wave import IncidentWave
 from ruptfx.bodies.space.closest import closest
 from ruptfx.input.schema import unit_of
+from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.interfaces.mechanisms.checks.table import Row
 
 if TYPE_CHECKING:
@@ -91,9 +92,9 @@ def _stress(model: System, fault: Fault) -> Iterator[Doubt]:
     label = f"faults.{fault.name}.initial_stress"
     if 0 < largest < LEAST_STRESS:
         yield Doubt(label, largest, "Pa", "hardly pressed together; is the exponent lost ('6 MPa')?")
-    numbers = np.flatnonzero(model.layout.touches[:, fault.interface.nodes].any(axis=1))
-    beside = [model.materials[number] for number in numbers]
-    stiffness = min(m.density * m.wave_speeds(model.case.plane).c_p ** 2 for m in beside)
+    sides = sides_of(model, fault.interface)
+    # rho c_p^2; of a rigid side infinite
+    stiffness = float(np.min(sides.moduli[..., 0, 0] * (sides.along[..., 0] / sides.along[..., 1]) ** 2))
     if largest > LARGEST_STRAIN * stiffness:
         note = f"{100 * largest / stiffness:.3g} % of the stiffness of a body: strains are not small"
         yield Doubt(label, largest, "Pa", note)

@@ -42,7 +42,8 @@ class FacetRecords(Records):
     def open(self, opening: Opening) -> None:
         bodies, thickness = self.model.bodies, self._cracks.fracture.thickness
         joints, kept = list(bodies.joints), opening.kept("bulk")
-        self._files = CrackFiles(opening.out, self._facets, bodies.names, joints, thickness, kept)
+        speeds = [material.wave_speeds(self.model.case.plane) for material in self.model.materials]
+        self._files = CrackFiles(opening.out, self._facets, bodies.names, speeds, joints, thickness, kept)
 
     def read(self, state: State) -> tuple[float, FaultState]:
         return state.fault_time, self._cracks.gather(state.cracks)
