@@ -33,7 +33,7 @@ REPORT = --junit-xml=.ci/reports/$@.xml
 FILES = -n 2 --dist loadfile $(REPORT)
 TESTS = -n 2 --dist load $(REPORT)
 EVERY_KEY := tests/contracts/test_every_key.py
-# All pairs of a demo and a transformation, some 900: python -m pytest -m slow with this file. `test` runs a selection.
+# All pairs of a demo and a transformation, some 1000: python -m pytest -m slow with this file. `test` runs a selection.
 ALL_PAIRS := tests/contracts/test_invariances.py
 
 test: env ## lint, tests of parts and contracts on 1 rank, the MPI tests on 2 ranks, the demo at small size

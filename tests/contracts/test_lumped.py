@@ -14,6 +14,7 @@ import pytest
 import xarray
 from helpers.labels import label_faults
 from helpers.messages import facts
+from helpers.scaled_cases import mapped, unit_factor
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 
@@ -143,3 +144,23 @@ assert len(result.data_vars) > 3
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
     assert (tmp_path / "run" / "summary.json").is_file()
+
+
+@pytest.mark.parametrize("base", ["m", "s", "kg"])
+@pytest.mark.parametrize("kind", MODELS)
+def test_results_have_their_dimensions(kind: str, base: str) -> None:
+    """All lengths, times or masses larger by a factor: results are larger by the factor of their units."""
+    factors = {base: float(np.random.default_rng([20261128, ord(base[0])]).uniform(2, 5))}
+    table = {"kind": kind, **example(kind).table()}
+    larger = parse_case(mapped(table, lambda number, unit, _: number * unit_factor(unit, factors)))
+    assert isinstance(larger, LumpedModel)
+    expected, scaled = example(kind).run(), larger.run()
+    assert expected.variables.keys() == scaled.variables.keys()
+    for name, values in expected.variables.items():
+        if values.dtype.kind not in "fiu" or name == "energy_error":  # rounding
+            continue
+        unit = values.attrs["units"]
+        wanted = values.values * unit_factor({"degree": "1"}.get(unit, unit), factors)
+        largest = float(np.nan_to_num(np.abs(wanted)).max(initial=0.0))
+        # Fits of laws end where they improve by 1e-6 and less.
+        np.testing.assert_allclose(scaled[name].values, wanted, rtol=1e-5, atol=1e-9 * largest, err_msg=str(name))

@@ -9,6 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import ruptfx
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case
@@ -103,6 +105,9 @@ def _short(case: Case, model: Model) -> Table:
     ]
     for instrument in table["instruments"]:
         instrument["interval"] = duration / 10
+        if "spacing" in instrument:  # of a grid of receivers
+            corners = np.subtract(instrument["opposite"], instrument["corner"])
+            instrument["spacing"] = float(np.abs(corners).max()) / 4
     table["duration"] = sum(s["duration"] for s in table["stages"]) if table.get("stages") else duration
     table["output"] |= {"interface_interval": duration / 8, "bulk_interval": duration / 2}
     if not case.faults:

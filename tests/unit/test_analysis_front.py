@@ -66,6 +66,14 @@ def test_speed_of_noisy_arrivals_with_outliers(speed):
     assert 0.02 <= fit.start < fit.stop <= 0.09
 
 
+@pytest.mark.parametrize("rounding", [-1e-13, 0.0, 1e-13])
+def test_points_at_the_ends_of_a_window_are_inside(rounding):
+    """Five points at 1 to 5 m, the ends of the window: arrivals t = x^2 have the slope 6 s/m by symmetry about 3 m."""
+    distance = np.arange(7.0) + rounding * np.array([0, -1, 0, 0, 0, 1, 0])
+    found = front.fit_speed(distance, distance**2, 1.0, 5.0, outlier=100.0)
+    assert found.points == 5 and found.value == pytest.approx(1 / 6, rel=1e-9)
+
+
 def test_speed_needs_four_points():
     fit = front.fit_speed(np.arange(3.0), np.arange(3.0))
     assert np.isnan(fit.value) and fit.points == 3

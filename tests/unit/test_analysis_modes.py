@@ -43,6 +43,15 @@ def test_mode(name, seed):
         assert found.regime == "supershear"
 
 
+@pytest.mark.parametrize("name", ["crack", "pulse", "train"])
+def test_positions_on_a_map_change_nothing(name):
+    """Positions that begin at 500 km have an error of 6e-11 m; a fifth of the way of the tip ends at a point."""
+    field = np.maximum(FIELDS[name](TIME, POSITION), 0)
+    here, there = classify(field), modes.classify(field, TIME, POSITION + 5e5, loaded_end=POSITION[0] + 5e5, **DRIVEN)
+    assert (there.mode, there.tip_speed.points) == (name, here.tip_speed.points)
+    assert there.tip_speed.value == pytest.approx(here.tip_speed.value, rel=1e-6)
+
+
 def test_sparse_spikes_change_nothing():
     """One sample in a thousand of a train is replaced by a large one."""
     rng = np.random.default_rng(3)

@@ -18,6 +18,7 @@ from ruptfx.lumped import LumpedModel, Progress, silent, variable
 from ruptfx.lumped.asperity_population.law_fit import Trace
 from ruptfx.lumped.asperity_population.population import Asperity, Population
 
+SLACK = 1e-9  # of distance and hold: whether a sum of steps has reached them must not depend on its rounding
 LAWS: dict[str, type[RateAndState]] = {"ageing": RateAndStateAgeing, "slip": RateAndStateSlip}
 
 
@@ -106,7 +107,7 @@ class AsperityPopulation(LumpedModel):
         longest, slipped = self.step * self.mean_length / speed, 0.0
         rows: list[tuple[float, ...]] = []
         dt = min(longest, self.step * self.mean_length / before)
-        while slipped < self.distance * self.mean_length:
+        while slipped < self.distance * self.mean_length * (1 + SLACK):
             population.advance(speed, dt)
             slipped += speed * dt
             friction = float(self.coefficient(population.area_height(), speed))
@@ -117,7 +118,7 @@ class AsperityPopulation(LumpedModel):
     def _stand(self, population: Population) -> list[tuple[float, float]]:
         """Return rows of time at rest, and of the static friction at the first slip rate."""
         dt, time, rows = self.step * self.mean_length / self.speeds[-1], 0.0, []
-        while time < self.hold:
+        while time < self.hold * (1 - SLACK):
             dt = min(dt, self.hold - time)
             population.advance(0.0, dt)
             time += dt

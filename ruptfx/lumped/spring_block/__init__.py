@@ -130,7 +130,7 @@ class SpringBlock(LumpedModel):
     def run(self, progress: Progress = silent) -> xarray.Dataset:
         chain, history = self.chain(), History()
         stable = chain.stable_step()
-        steps = int(np.ceil(self.sample_interval / (self.step * stable)))
+        steps = int(np.ceil(self.sample_interval / (self.step * stable) * (1 - 1e-12)))
         integrator = Integrator(chain, self.sample_interval / steps, self.seed)
         events: list[Event] = []
         integrator.sample(history)

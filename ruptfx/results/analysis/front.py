@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
+TIE = 1e-6  # of a length: points that near to the end of a window are inside, whatever the rounding of positions
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,8 @@ def fit_speed(
         Rejection limit in standard deviations.
     """
     lower, upper = -np.inf if start is None else start, np.inf if stop is None else stop
-    inside = np.isfinite(arrival) & (distance >= lower) & (distance <= upper)
+    slack = TIE * np.ptp(distance) if len(distance) else 0.0
+    inside = np.isfinite(arrival) & (distance >= lower - slack) & (distance <= upper + slack)
     x, t = distance[inside], arrival[inside]
     if len(x) < 4 or np.ptp(x) == 0:
         return Speed(points=len(x))

@@ -52,7 +52,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.results.analysis.front import Array, Speed, crossing, fit_speed, rupture_time, tip_position, trace_fronts
+from ruptfx.results.analysis.front import (
+    TIE,
+    Array,
+    Speed,
+    crossing,
+    fit_speed,
+    rupture_time,
+    tip_position,
+    trace_fronts,
+)
 from ruptfx.results.analysis.resolution import FIT, NOT_RESOLVED, Doubts, find_doubts
 
 LEVEL = 0.02  # of the driven speed: slip-rate threshold of sliding
@@ -196,7 +205,7 @@ def classify(
     speeds = {name: _on_the_way(value, side, distance, reach) for name, value in given.items() if value is not None}
     c_s = speeds.get("c_s")
     slowest = 0.1 * (c_s or np.ptp(distance) / np.ptp(time))
-    inside = distance <= distance[0] + reach
+    inside = distance - distance[0] <= (1 + TIE) * reach
     fronts = trace_fronts(rate[:, inside], time, distance[inside], threshold, slowest, 0.1 * reach)
     trailing = np.array([fit_speed(front.distance, front.time).value for front in fronts[1:]])
     found = replace(
@@ -224,7 +233,8 @@ def _on_the_way(speed: float | Array, side: Array, distance: Array, reach: float
     if np.ndim(speed) == 0:
         return float(speed)
     way, slowness = distance - distance[0], 1 / np.asarray(speed)[side]
-    inside = (way >= LOADING * reach) & (way <= END * reach) if reach > 0 else np.ones(len(way), dtype=bool)
+    low, high = (LOADING - TIE) * reach, (END + TIE) * reach
+    inside = (way >= low) & (way <= high) if reach > 0 else np.ones(len(way), dtype=bool)
     if np.count_nonzero(inside) < 2:
         return float(1 / slowness[inside if inside.any() else slice(None)].mean())
     return float(np.ptp(way[inside]) / np.trapezoid(slowness[inside], way[inside]))
@@ -427,7 +437,7 @@ def _away(rate: Array, position: Array, origin: float, threshold: float) -> tupl
     """Return the points on the side of the origin that slides further, ordered away from it, with distances."""
     sides = []
     for sign in (1, -1):
-        side = np.flatnonzero(sign * (position - origin) >= 0)[::sign]
+        side = np.flatnonzero(sign * (position - origin) >= -TIE * np.ptp(position))[::sign]
         if len(side) >= MIN_POINTS:
             sides.append((side, sign * (position[side] - origin)))
     if not sides:
