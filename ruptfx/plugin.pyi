@@ -12,9 +12,11 @@ from ruptfx.bodies.boundaries import Force as Force
 from ruptfx.bodies.meshes import MeshSource as MeshSource
 from ruptfx.bodies.meshes import RawMesh as RawMesh
 from ruptfx.bodies.operators.ufl_form import UflForm as UflForm
+from ruptfx.bodies.phases import Phases as Phases
 from ruptfx.bodies.space.edges import Edge as Edge
 from ruptfx.bodies.state import State as State
 from ruptfx.input.fields import Energy as Energy
+from ruptfx.input.fields import Monitor as Monitor
 from ruptfx.input.fields import PointField as PointField
 from ruptfx.input.profiles import PositiveMetre as PositiveMetre
 from ruptfx.input.profiles import Profile as Profile
@@ -37,7 +39,9 @@ from ruptfx.interfaces.attachments import EdgeAttachment as EdgeAttachment
 from ruptfx.interfaces.attachments import EdgeNodes as EdgeNodes
 from ruptfx.interfaces.cracks import FacetModulus as FacetModulus
 from ruptfx.interfaces.cracks import Fracture as Fracture
+from ruptfx.interfaces.mechanisms import Reaction as Reaction
 from ruptfx.interfaces.mechanisms import Springs as Springs
+from ruptfx.interfaces.mechanisms import StepEnd as StepEnd
 from ruptfx.interfaces.mechanisms.stepped_nodes import Kick as Kick
 from ruptfx.interfaces.mechanisms.system import System as System
 from ruptfx.laws.cohesion import CohesiveLaw as CohesiveLaw
@@ -58,7 +62,11 @@ from ruptfx.lumped import LumpedModel as LumpedModel
 from ruptfx.lumped import Progress as Progress
 from ruptfx.lumped import silent as silent
 from ruptfx.lumped import variable as variable
+from ruptfx.many_runs.search_methods import Generation as Generation
+from ruptfx.many_runs.search_methods import SearchMethod as SearchMethod
 from ruptfx.platform.fem import MPI as MPI
+from ruptfx.platform.parallel import largest as largest
+from ruptfx.platform.run_files import check_all as check_all
 from ruptfx.readings.instruments import Channel as Channel
 from ruptfx.readings.instruments import Instrument as Instrument
 from ruptfx.readings.instruments.model_readings import ModelReadings as ModelReadings
@@ -80,3 +88,5 @@ from ruptfx.results.record import Record as Record
 from ruptfx.stepping.steppers import Motion as Motion
 from ruptfx.stepping.steppers import Stepper as Stepper
 from ruptfx.stepping.steppers.leapfrog import Leapfrog as Leapfrog
+from ruptfx.stepping.stop_rules import StopRule as StopRule
+from ruptfx.stepping.stop_rules import Watch as Watch

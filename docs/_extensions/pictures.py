@@ -30,7 +30,7 @@ def set_widths(app: Sphinx, document: nodes.document) -> None:
     """Give every picture its width; Sphinx links pictures with a width to their files."""
     for image in document.findall(nodes.image):
         path = Path(app.srcdir, image["uri"])  # the collector of images has made it relative to the folder of the site
-        if "width" not in image and path.is_file() and not _in_table(image):
+        if "width" not in image and path.is_file() and path.suffix != ".svg" and not _in_table(image):
             image["width"] = f"{width_of(path)}px"
 
 

@@ -34,7 +34,7 @@ DECLARED = {
     "meshes": "[mesh]", "initial_stress": "[initial_stress]", "phases": "[mesh.phases]",
     "friction": "[faults.main.friction]", "cohesion": "[faults.main.cohesion]", "contact": "[faults.main.contact]",
     "nucleation": "[[faults.main.nucleation]]", "materials": "[materials.default]", "steppers": "[stepper]",
-    "cracks": "[fracture]",
+    "cracks": "[fracture]", "stop_rules": "[[stop_when.rules]]", "search_methods": "[search.method]",
 }  # fmt: skip
 """Headings of the tables that kinds declare, or that are made from their types."""
 HEADER = re.compile(r"^\[{1,2}([\w.\"-]+)\]{1,2}", re.MULTILINE)

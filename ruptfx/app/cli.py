@@ -6,7 +6,9 @@ import atexit
 import ctypes
 import inspect
 import sys
+from collections.abc import Collection
 from importlib import import_module
+from importlib.metadata import entry_points
 from pkgutil import iter_modules
 from typing import Annotated, Any
 
@@ -73,9 +75,30 @@ def _paragraphs(text: str) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n"))
 
 
+def _of_packages(known: Collection[str]) -> dict[str, Any]:
+    """Return the modules of commands that packages offer as entry points, group ``ruptfx.commands``, by name.
+
+    One that cannot be used is named on stderr, and the other commands work.
+    """
+    modules = {}
+    for entry in entry_points(group="ruptfx.commands"):
+        try:
+            if entry.name in known:
+                raise ValueError("would hide the command that is there already")
+            module = entry.load()
+            if getattr(module, entry.name).__doc__ is None or module.HEADING not in HEADINGS:
+                raise ValueError(f"needs a docstring, and a HEADING of {', '.join(HEADINGS)}")
+        except Exception as error:
+            offer = f"command '{entry.name}' of {entry.dist.name if entry.dist else 'a package'}, {entry.value}"
+            sys.stderr.write(f"warning: {offer}: {type(error).__name__}: {error}\n")
+            continue
+        modules[entry.name] = module
+    return modules
+
+
 # Not by `own_kinds` of `ruptfx.input.schema`, whose import doubles the time of `ruptfx --help`.
 _names = [each.name for each in iter_modules(commands.__path__) if not each.name.startswith("_")]
-_modules = {name: import_module(f"ruptfx.app.commands.{name}") for name in sorted(_names)}
+_modules = {name: import_module(f"ruptfx.app.commands.{name}") for name in sorted(_names)} | _of_packages(_names)
 for _name, _module in sorted(_modules.items(), key=lambda each: HEADINGS.index(each[1].HEADING)):
     _function, _heading = getattr(_module, _name), _module.HEADING
     _help = _paragraphs(_function.__doc__)

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
     "attachments", "steppers", "instruments", "misfits", "profiles", "phases", "cameras", "initial_stress",
+    "stop_rules",
 ]  # fmt: skip
 
 
@@ -364,10 +365,10 @@ class Case(CaseFile):
             f"output.{name}": getattr(output, name) for name in ("rupture_threshold", "rupture_after")
             if getattr(output, name) != type(output).model_fields[name].default
         }  # fmt: skip
-        if stop is not None and stop.sliding_dead_for is not None:
-            given["stop_when.sliding_dead_for"] = stop.sliding_dead_for
-        for key, value in given.items():
-            yield f"{key} = {value:g}: without effect, for there is no interface ([faults.NAME]); remove it"
+        keys = [f"{key} = {value:g}" for key, value in given.items()]
+        keys += [key for key, rule in (stop.by_key() if stop is not None else {}).items() if rule.of_interfaces]
+        for key in keys:
+            yield f"{key}: without effect, for there is no interface ([faults.NAME]); remove it"
 
     def _edges_named_twice(self) -> Iterator[str]:
         """Yield messages on boundaries that add nothing to an edge on which another one acts."""

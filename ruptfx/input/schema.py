@@ -426,6 +426,9 @@ def descriptions(part: type[Part]) -> dict[str, str]:
 class Alternative(Part):
     """A part chosen by ``kind``: the name of its file; for plug-ins the name of its class."""
 
+    example: ClassVar[str] = ""
+    """Example as an inline table of TOML. Of a law or a material, whose contract tests take random numbers without one:
+    numbers that fit together; tests multiply those of one unit by one factor."""
     former_kinds: ClassVar[tuple[str, ...]] = ()
     """Kinds of the class in the last version."""
     former_attributes: ClassVar[Mapping[str, str]] = {}
@@ -520,8 +523,12 @@ def offered() -> dict[str, dict[str, EntryPoint]]:
 
 
 def group_of(package: str) -> str:
-    """Return the group of entry points of a folder: ``ruptfx.friction`` for friction laws, wherever the folder is."""
-    return f"ruptfx.{package.rpartition('.')[2]}"
+    """Return the group of entry points of a folder: ``ruptfx.friction`` for friction laws, wherever the folder is.
+
+    Figures, whose folder is `plots`, have the group ``ruptfx.figures``.
+    """
+    folder = package.rpartition(".")[2]
+    return f"ruptfx.{'figures' if folder == 'plots' else folder}"
 
 
 def installed(package: str) -> dict[str, EntryPoint]:
@@ -544,19 +551,46 @@ def from_outside(package: str, kind: str) -> type | None:
     """
     if kind in plugged.get().get(package, {}):
         return plugged.get()[package][kind]
-    entry = installed(package).get(kind)
-    if entry is None:
+    if kind not in installed(package):
         return None
+    offer, cls = _loaded(package, kind)
+    if not isinstance(cls, type) or home(cls) != package or kind_in(cls) != kind:
+        raise RuptfxError(f"{offer} must be a class with the contract of {package} called '{kind}'")
+    return cls
+
+
+def _loaded(package: str, kind: str) -> tuple[str, object]:
+    """Return what an installed package offers for a folder, after its name for messages.
+
+    Raises
+    ------
+    RuptfxError
+        It does not load, or its name is that of a file of the folder.
+    """
+    entry = installed(package)[kind]
     offer = f"entry point {group_of(package)} '{kind}' of {entry.dist.name if entry.dist else 'a package'}"
     if kind in own_kinds(package):
         raise RuptfxError(f"{offer}: would hide the '{kind}' that is there already; uninstall it")
     try:
-        cls = entry.load()
+        return f"{offer}: {entry.value}", entry.load()
     except Exception as error:
         raise RuptfxError(f"{offer}: {load_error(entry.module, error)}") from error
-    if not isinstance(cls, type) or home(cls) != package or kind_in(cls) != kind:
-        raise RuptfxError(f"{offer}: {entry.value} must be a class with the contract of {package} called '{kind}'")
-    return cls
+
+
+def module_of(package: str, kind: str) -> ModuleType:
+    """Return the module of a figure or movie, a file of the folder or one of an installed package.
+
+    Raises
+    ------
+    RuptfxError
+        It does not load, or has no function of that name.
+    """
+    if kind not in installed(package):
+        return own_module(package, kind)
+    offer, module = _loaded(package, kind)
+    if not isinstance(module, ModuleType) or not callable(getattr(module, kind, None)):
+        raise RuptfxError(f"{offer} must be a module with a function '{kind}', as the files of {package}")
+    return module
 
 
 def load_error(file: str | Path, error: BaseException) -> str:

@@ -79,18 +79,29 @@ def test_fields_and_energies_are_declared(kind: str) -> None:
         assert energy.name in model.energies(state)
 
 
+def budget(given: Case) -> tuple[dict[str, float], float]:
+    """Energies at the end of a case, and what they lack of the work of the boundaries."""
+    _, motion, state = march(given)
+    energy = motion.energies(state)
+    return energy, energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+
+
 @every_attachment
 @pytest.mark.parametrize("changes", [{}, {"plane": "antiplane", "boundaries": [{**PUSH, "traction": [1e6]}]}])
 def test_energy_budget_closes(kind: str, changes: dict[str, Any]) -> None:
-    """All that goes in is found again, and the attachment has its part of it."""
-    found = []
-    for attachments in ([example(kind)], []):
-        _, motion, state = march(attached(kind, {**changes, "attachments": attachments}))
-        energy = motion.energies(state)
-        lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
-        assert abs(lost) < 1e-12 * energy["kinetic"]
-        found.append(energy)
-    ours, without = found
+    """All that goes in is found again, and the attachment has its part of it.
+
+    A budget that is declared open closes with the square of the step.
+    """
+    cls = ATTACHMENTS[kind]
+    assert cls.closure <= 1e-12 or cls.why_open
+    (ours, lost), (without, lost_without) = (budget(attached(kind, {**changes, "attachments": given}))
+                                             for given in ([example(kind)], []))  # fmt: skip
+    assert abs(lost) < cls.closure * ours["kinetic"] and abs(lost_without) < 1e-12 * without["kinetic"]
+    if cls.closure > 1e-12:
+        stepper = attached(kind, changes).stepper
+        halves = {**changes, "stepper": {"kind": "leapfrog", "safety": 0.5 * stepper.safety}}
+        assert abs(budget(attached(kind, halves))[1]) < 0.5 * abs(lost)
     assert any(abs(value - without.get(name, 0.0)) > 1e-3 * without["kinetic"] for name, value in ours.items())
 
 
@@ -173,7 +184,7 @@ def test_recorded_and_resumed_bitwise(kind: str, shared_tmp_path: Path) -> None:
             assert sorted(recorded) == sorted(str(name) for name in ours.data_vars if "time" in ours[name].dims)
             assert any(np.abs(ours[name].values).max() > 0 for name in recorded)
             assert one.energy.identical(other.energy)
-            assert float(np.abs(one.energy["closure"]).max()) < 1e-11
+            assert float(np.abs(one.energy["closure"]).max()) < 10 * ATTACHMENTS[kind].closure
         own = () if kind in PRESENT else tuple(recorded)  # a new kind may call other quantities so
     assert check_units(whole, but=own) > len(recorded) - len(own)
 

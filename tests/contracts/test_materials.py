@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -341,3 +342,35 @@ def test_springs_of_an_orthotropic_body_with_equal_axes_are_isotropic() -> None:
     means = np.mean(c**2 * inverse), np.mean(s**2 * inverse)
     first, second, both = body._of_springs(lambda modulus: 1 / modulus)
     assert (first, second, both) == pytest.approx((2 * means[0], 2 * means[1], 2 * sum(means)), rel=1e-9)
+
+
+PLUG_IN = Path(__file__).parents[2] / "demos" / "plugins" / "materials" / "transversely_isotropic.py"
+
+
+def layered_rock(folder: Path, text: str, changes: dict[str, Any]) -> Any:
+    (folder / "rock.py").write_text(text)
+    rock = {"kind": "transversely_isotropic", "density": 2000.0, "A": 1e9, "C": 1e9, "F": 0.5e9, "L": 1e9, "N": 0.25e9}
+    return parse_case(
+        plates({"plane": "strain", "materials.default": {**rock, **changes}}) | {"plugins": ["rock.py"]}, folder
+    )
+
+
+def test_an_energy_that_is_not_positive_is_refused_before_the_first_step(tmp_path: Path) -> None:
+    """A = C = 1 GPa, F = 3 GPa: the strains xx = yy and xx = -yy have the stiffness A + F and A - F, -2 GPa."""
+    Model(layered_rock(tmp_path, PLUG_IN.read_text(), {}))
+    with pytest.raises(CaseError, match=facts(r"materials\.\w+: some strain .* -2e\+09 Pa .* 4e\+09 Pa")):
+        Model(layered_rock(tmp_path, PLUG_IN.read_text(), {"F": 3e9}))
+
+
+def test_an_energy_that_is_positive_at_some_points_only_is_refused(tmp_path: Path) -> None:
+    """F rises from 0.5 GPa at the left to 1.5 GPa at the right end: A - F is -0.5 GPa there."""
+    text = PLUG_IN.read_text().replace("Modulus, Plane", "Modulus, Plane, VaryingStress")
+    text = text.replace("F: Modulus", "F: VaryingStress")
+    ramp = {"kind": "table", "positions": [0.0, 12e-3], "values": [0.5e9, 1.5e9]}
+
+    def along_x(values: list[float]) -> dict[str, Any]:
+        return {"F": {"kind": "along_axis", "axis": "x", "profile": {**ramp, "values": values}}}
+
+    with pytest.raises(CaseError, match=facts(r"materials\.\w+: some strain .* -5e\+08 Pa .* 2.5e\+09 Pa")):
+        Model(layered_rock(tmp_path, text, along_x([0.5e9, 1.5e9])))
+    Model(layered_rock(tmp_path, text, along_x([0.2e9, 0.8e9])))

@@ -30,14 +30,13 @@ def centres() -> np.ndarray:
 
 @every_kind
 def test_fractions_come_out(kind: str) -> None:
-    """Within four standard deviations of as many independent draws as there are grains, by area."""
+    """Within four standard deviations of as many independent draws as the kind says that its phases are worth."""
     phases = example(kind)
     assert phases.kind() == kind
     found = np.bincount(phases.phase_of(centres(), SIZE), minlength=2) / len(centres())
     share = np.array(list(phases.fractions.values()))
-    grains = len(centres()) * (SIZE / getattr(phases, "grain_size", SIZE)) ** 2
-    # Areas of Voronoi cells scatter by 0.53 of their mean, which makes the sum scatter sqrt(1 + 0.28) times as much.
-    assert found == pytest.approx(share, abs=4 * np.sqrt(1.28 * share.prod() / grains))
+    draws = phases.draws(SIZE * np.array([200, 300]), SIZE)
+    assert found == pytest.approx(share, abs=4 * np.sqrt(share.prod() / draws))
 
 
 @every_kind
@@ -53,6 +52,15 @@ def test_fractions_that_are_no_whole_are_refused(kind: str) -> None:
     table = example(kind).model_dump() | {"fractions": {"quartz": 0.4, "mica": 0.3}}
     with pytest.raises(ValidationError, match=facts(r"add up to 0\.7")):
         KINDS[kind].model_validate({key: value for key, value in table.items() if key != "kind"})
+
+
+@every_kind
+def test_fractions_scatter_as_declared(kind: str) -> None:
+    """Over 100 seeds the variance of a fraction is that of so many draws, p (1 - p) / n, within a factor of two."""
+    phases = example(kind)
+    found = [np.mean(phases.model_copy(update={"seed": seed}).phase_of(centres(), SIZE) == 0) for seed in range(100)]
+    share, draws = next(iter(phases.fractions.values())), phases.draws(SIZE * np.array([200, 300]), SIZE)
+    assert 0.5 < np.var(found) * draws / (share * (1 - share)) < 2
 
 
 def test_grains_have_the_size_that_is_asked_for() -> None:

@@ -129,3 +129,18 @@ def test_command_for_a_cohesive_law(tmp_path: Path) -> None:
     result = CliRunner(env={"COLUMNS": "200"}).invoke(app, arguments)
     assert result.exit_code == 0 and "G_Ic = 5" in result.output
     assert (tmp_path / "parabola.png").stat().st_size > 10_000
+
+
+def test_a_material_takes_the_numbers_of_its_example(tmp_path: Path) -> None:
+    """Random moduli of layered rock contradict each other; those of the example fit, also times one factor."""
+    pytest.importorskip("ufl")
+    text = (Path(__file__).parents[2] / "demos/plugins/materials/transversely_isotropic.py").read_text()
+    found = verdicts(tmp_path, text)
+    assert found["positive energy"][0] == "passed" and "failed" not in {verdict for verdict, _ in found.values()}
+    start, end = text.index("    example"), text.index("    A: Modulus")
+    verdict, note = verdicts(tmp_path, text[:start] + text[end:])["positive energy"]
+    assert verdict == "failed" and "example" in note and "-" in note
+    # Plane stress: a = 4 N (A - N) / A = 0.96 MPa, f = 2 N F / A = 4 MPa, c = C - F^2 / A = -24 MPa; the smaller
+    # eigenvalue of [[a, f], [f, c]] is -11.52 - sqrt(12.48^2 + 4^2) = -24.63 MPa.
+    changes = ["A=1e6", "C=1e6", "F=5e6", "L=1e6", "N=4e5"]
+    assert "-2.463e+07 Pa" in verdicts(tmp_path, text, *changes)["positive energy"][1]

@@ -1,9 +1,11 @@
-"""DESIGN.md: its tree is that of the package, and each of its examples does what it is an example of."""
+"""DESIGN.md and its pages are those of the package; files of demos/plugins do what they show, and fit their folders."""
 
 from __future__ import annotations
 
+import ast
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -24,64 +26,57 @@ from ruptfx import lumped
 from ruptfx.app.bench import run_benchmark
 from ruptfx.app.check_law import Report, check_law
 from ruptfx.case import parse_case, read_case
-from ruptfx.input.schema import CaseError
+from ruptfx.input.schema import CaseError, directory_of
 from ruptfx.laws.materials import Plane
 from ruptfx.results.record import Record
 
 PACKAGE = Path(ruptfx.__file__).parent
-PAGE = (Path(__file__).parents[2] / "DESIGN.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^### ([^\n]+)\n(?:(?!^###).)*?^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-EXAMPLES = dict(BLOCKS)
+ROOT = PACKAGE.parent
+PAGE = (ROOT / "DESIGN.md").read_text(encoding="utf-8")
+DEVELOPERS = ROOT / "docs" / "developers"
+PLUGINS = ROOT / "demos" / "plugins"
+EXAMPLES = {path.stem: path for path in sorted(PLUGINS.glob("*/*.py"))}
+NO_FILES = ("monitors",)
+"""Kinds that are lines of a list, not files of a folder."""
 WEAKENING = {"kind": "hyperbolic_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}
 
 
-def of_a_section() -> dict[str, Path]:
-    """Return the file of every example but the line of a list, in the folder that its section says."""
-    kinds = {  # named after a function
-        "Figure": "opening", "Movie": "displacement", "Command": "size", "Benchmark": "rayleigh_example",
-    }  # fmt: skip
-    files = {}
-    for title, folder in re.findall(r"^### ([^\n]+)\n\n`([\w/]+)/`", PAGE, re.MULTILINE):
-        name = re.search(r"^class (\w+)", EXAMPLES[title], re.MULTILINE)
-        kind = kinds[title] if name is None else re.sub(r"(?<!^)(?=[A-Z])", "_", name[1]).lower()
-        files[title] = Path(folder if folder.startswith("tests/") else f"ruptfx/{folder}", f"{kind}.py")
-    return files
+def target(path: Path) -> Path:
+    """Return the file of the repository that an example would be, in the folder of its kind."""
+    kind = path.parent.name
+    folder = Path("tests", kind) if kind == "benchmarks" else directory_of(kind).relative_to(ROOT)
+    return folder / path.name
 
 
-FILES = of_a_section()
+FILES = {name: target(path) for name, path in EXAMPLES.items() if path.parent.name not in NO_FILES}
 
 
-def in_its_folder(title: str) -> bool:
-    """Whether a developer has put the example into its folder, as the page advises."""
-    path = PACKAGE.parent / FILES[title]
-    return path.is_file() and path.read_text(encoding="utf-8") == EXAMPLES[title]
+def in_its_folder(name: str) -> bool:
+    """Whether a developer has put the example into its folder."""
+    path = ROOT / FILES[name]
+    return path.is_file() and path.read_text(encoding="utf-8") == EXAMPLES[name].read_text(encoding="utf-8")
 
 
-def plug_in(folder: Path, title: str) -> list[str]:
+def plug_in(name: str) -> list[str]:
     """Return the example as a list of plug-ins, empty if its kind is known from its folder."""
-    if in_its_folder(title):
-        return []
-    (folder / "example.py").write_text(EXAMPLES[title], encoding="utf-8")
-    return ["example.py"]
+    return [] if in_its_folder(name) else [str(EXAMPLES[name])]
 
 
-def checked(folder: Path, title: str) -> Report:
+def checked(name: str) -> Report:
     """Check the law of an example, by its kind if it is in its folder."""
-    (file,) = plug_in(folder, title) or [""]
-    (report,) = check_law(str(folder / file) if file else FILES[title].stem)
+    (file,) = plug_in(name) or [name]
+    (report,) = check_law(file)
     return report
 
 
-def in_a_case(folder: Path, title: str, table: dict[str, Any]) -> Any:
+def in_a_case(name: str, table: dict[str, Any]) -> Any:
     """The case with the kind of an example."""
-    return parse_case({**table, "plugins": [*plug_in(folder, title), *table.get("plugins", [])]}, folder)
+    return parse_case({**table, "plugins": [*plug_in(name), *table.get("plugins", [])]})
 
 
-def executed(title: str) -> dict[str, Any]:
+def executed(name: str) -> dict[str, Any]:
     """What the example defines."""
-    names: dict[str, Any] = {}
-    exec(compile(EXAMPLES[title], "DESIGN.md", "exec", dont_inherit=True), names)
-    return names
+    return runpy.run_path(str(EXAMPLES[name]))
 
 
 def run(case: Any, out: Path) -> Record:
@@ -93,10 +88,21 @@ def run(case: Any, out: Path) -> Record:
 # -- the page --------------------------------------------------------------------------------------------------------
 
 
-def test_every_example_is_used_here() -> None:
+def test_every_example_is_tried_here_and_stands_in_its_table() -> None:
     source = Path(__file__).read_text(encoding="utf-8")
-    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES)
-    assert [title for title in EXAMPLES if f'"{title}"' not in source] == []
+    assert [name for name in EXAMPLES if f'"{name}"' not in source] == []
+    page = (ROOT / "docs" / "developers" / "where_to_add.md").read_text(encoding="utf-8")
+    rows = {row[1]: row[2] for row in re.finditer(r"^\| .*? \| `([\w/]+)/` \| .*?plugins/(\w+)/", page, re.MULTILINE)}
+    assert {kind: folder.removesuffix("/") for folder, kind in rows.items()} == {
+        path.parent.name: str(FILES[name].parent).removeprefix("ruptfx/")
+        for name, path in EXAMPLES.items() if name in FILES
+    }  # fmt: skip
+
+
+def test_examples_import_from_the_door_only() -> None:
+    for path in EXAMPLES.values():
+        modules = {node.module for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
+        assert {name for name in modules if str(name).startswith("ruptfx")} == {"ruptfx.plugin"}, path
 
 
 def test_the_tree_is_that_of_the_package() -> None:
@@ -119,28 +125,64 @@ def test_no_module_whose_name_begins_with_an_underscore_is_imported_from_another
     assert crossing == []
 
 
-@pytest.mark.parametrize("path", sorted(set(re.findall(r"`((?:[a-z_]+/)+[a-z_]+\.py)`", PAGE))))
-def test_files_named_in_the_text_exist(path: str) -> None:
-    assert (PACKAGE / path).is_file() or (PACKAGE.parent / path).is_file()
+@pytest.mark.parametrize("page", ["DESIGN.md", *(f"docs/developers/{path.name}" for path in DEVELOPERS.glob("*.md"))])
+def test_files_and_folders_named_in_the_text_exist(page: str) -> None:
+    named = re.findall(r"`((?:[a-z_]+/)+(?:[a-z_]+\.(?:py|c|toml))?)`", (ROOT / page).read_text(encoding="utf-8"))
+    assert [path for path in named if not (PACKAGE / path).exists() and not (ROOT / path).exists()] == []
+
+
+def test_drawings_are_those_of_their_script_and_name_what_exists() -> None:
+    """Every word after the file of a box is a name in it; every drawing is on the page of its name."""
+    script = runpy.run_path(str(ROOT / "docs" / "make_drawings.py"))
+    drawings = script["drawings"]()
+    for name, rows in drawings.items():
+        shown = script["svg"](rows, 10 if name == "where_to_add" else script["GAP"])
+        assert (DEVELOPERS / f"{name}.svg").read_text(encoding="utf-8") == shown, "python docs/make_drawings.py"
+        assert f"({name}.svg)" in (DEVELOPERS / f"{name}.md").read_text(encoding="utf-8")
+        for box in (box for row in rows for box in row if box.fill in ("python", "c")):
+            file, _, names = box.where.partition(": ")
+            source = (PACKAGE / file).read_text(encoding="utf-8")
+            assert [word for word in names.split(", ") if not re.search(rf"\b{word}\b", source)] == [], file
+    assert {path.stem for path in DEVELOPERS.glob("*.md")} == {*drawings, "index"}
+
+
+@pytest.mark.fem
+def test_the_way_of_one_number_is_that_of_its_page(tmp_path: Path) -> None:
+    """D_c = "12.5 um" is 1.25e-5 m in the law, a symbol of the formula, and one of the numbers that C reads."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.interfaces.faults.point_code import PointCode
+    from ruptfx.run.model import Model
+
+    law = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": "12.5 um"}
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(slip_weakening({"faults.main.friction": law})))
+    case = read_case(tmp_path / "case.toml")
+    (fault,) = Model(case).faults
+    traced = fault.traced_law()
+    (symbol,) = (name for name, value in traced.parameters.items() if value == 12.5e-6)
+    code = PointCode(fault, traced, {"owned_area": fault.interface.weight})
+    place = list(code.numbers).index(12.5e-6)
+    assert symbol.endswith("D_c") and code._symbols()[symbol] == f"number[{place}]"
+    seven = [row[0].where for row in runpy.run_path(str(ROOT / "docs" / "make_drawings.py"))["NUMBER"]][1:]
+    assert len(seven) == 7 and seven[-1].startswith("interfaces/faults/points.c")
 
 
 def examples_in_their_folders(root: Path) -> set[str]:
-    """Write every example but the line of a list to the file that its section says, below a copy of the settings.
+    """Write every example but the lines of lists to the folder of its kind, below a copy of the settings.
 
     Return their kinds.
     """
-    for title, path in FILES.items():
+    for name, path in FILES.items():
         (root / path).parent.mkdir(parents=True, exist_ok=True)
-        assert in_its_folder(title) or not (root / path).exists()
-        (root / path).write_text(EXAMPLES[title], encoding="utf-8")
-    (root / "pyproject.toml").write_bytes((PACKAGE.parent / "pyproject.toml").read_bytes())
+        assert in_its_folder(name) or not (root / path).exists()
+        shutil.copy(EXAMPLES[name], root / path)
+    shutil.copy(ROOT / "pyproject.toml", root)
     return {path.stem for path in FILES.values()}
 
 
 def in_a_copy(root: Path, *folders: str) -> set[str]:
     """Write every example to its folder in a copy of some folders of the repository; return their kinds."""
     for name in folders:
-        shutil.copytree(PACKAGE.parent / name, root / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / name, root / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     return examples_in_their_folders(root)
 
 
@@ -153,7 +195,7 @@ def python_in(root: Path, *arguments: str, timeout: float) -> subprocess.Complet
 def test_examples_pass_ruff_in_their_folders(tmp_path: Path) -> None:
     pytest.importorskip("ruff")
     examples_in_their_folders(tmp_path)
-    assert len(list(tmp_path.rglob("*.py"))) == len(EXAMPLES) - 1
+    assert len(list(tmp_path.rglob("*.py"))) == len(FILES)
     done = subprocess.run([sys.executable, "-m", "ruff", "check", "--no-cache", "."], cwd=tmp_path, capture_output=True,
                           text=True, timeout=60)  # fmt: skip
     assert done.returncode == 0, done.stdout
@@ -207,7 +249,7 @@ def test_examples_keep_the_other_contracts_in_their_folders(tmp_path: Path) -> N
 
 
 def test_friction_law_keeps_its_contract(tmp_path: Path) -> None:
-    report = checked(tmp_path, "Friction law")
+    report = checked("hyperbolic_weakening")
     assert report.sound, report.rows
 
 
@@ -216,7 +258,7 @@ def test_friction_law_in_a_run(tmp_path: Path) -> None:
     """The slip of the law is that of the fault, which ruptures."""
     pytest.importorskip("dolfinx")
     table = slip_weakening({"faults.main.friction": WEAKENING, "duration": 3e-6})
-    with run(in_a_case(tmp_path, "Friction law", table), tmp_path / "run") as record:
+    with run(in_a_case("hyperbolic_weakening", table), tmp_path / "run") as record:
         slipped, slip = record.interface.slipped.values, record.interface.slip.values
         np.testing.assert_allclose(slipped, slip, rtol=1e-9, atol=1e-18)
         assert slip.max() > 0
@@ -224,9 +266,9 @@ def test_friction_law_in_a_run(tmp_path: Path) -> None:
 
 def test_cohesive_law(tmp_path: Path) -> None:
     """It keeps its contract, and takes 1 / area times the strength and the opening at failure."""
-    report = checked(tmp_path, "Cohesive law")
+    report = checked("trapezoidal")
     assert report.sound, report.rows
-    law = executed("Cohesive law")["Trapezoidal"](f_t=2e6, c=2e6, G_Ic=13.0, G_IIc=13.0)
+    law = executed("trapezoidal")["Trapezoidal"](f_t=2e6, c=2e6, G_Ic=13.0, G_IIc=13.0)
     assert law.opening_at_failure == pytest.approx(1e-5)
     opening = np.linspace(0, 1e-5, 10001)
     stress = 2e6 * law.remaining_fraction(law.damage(opening, 0 * opening))
@@ -243,7 +285,7 @@ def test_fracture(tmp_path: Path) -> None:
 
     table = case({"duration": 2e-6}).table()
     table["fracture"] = {"kind": "even_springs", "spring": 3e14, "default": table["fracture"]["default"]}
-    broken = in_a_case(tmp_path, "Fracture", table)
+    broken = in_a_case("even_springs", table)
     assert Model(broken).cracks.stiffness == pytest.approx(3e14)
     with run(broken, tmp_path / "run") as record:
         assert float(np.abs(record.energy["closure"]).max()) < 1e-9
@@ -256,7 +298,7 @@ def test_contact_method(tmp_path: Path) -> None:
     changes = {"duration": 3e-6, "output.interface_interval": 1e-6}
     ours = slip_weakening({**changes, "faults.main.contact": {"kind": "penalty", "stiff": 3e14}})
     theirs = slip_weakening({**changes, "faults.main.contact": {"kind": "compliant", "C_n": 3e14, "C_s": 3e14}})
-    one = run(in_a_case(tmp_path, "Contact method", ours), tmp_path / "one")
+    one = run(in_a_case("penalty", ours), tmp_path / "one")
     two = run(parse_case(theirs), tmp_path / "two")
     np.testing.assert_array_equal(one.interface.slip.values, two.interface.slip.values)
     np.testing.assert_array_equal(one.energy.to_array().values, two.energy.to_array().values)
@@ -270,7 +312,7 @@ def test_nucleation(tmp_path: Path) -> None:
     from ruptfx.run.model import Model
 
     push = {"kind": "ramped_push", "extra": 2e6, "rise": 4e-6}
-    model = Model(in_a_case(tmp_path, "Nucleation", plates({"faults.main.nucleation": [push]})))
+    model = Model(in_a_case("ramped_push", plates({"faults.main.nucleation": [push]})))
     assert model.faults[0].load(2e-6) == pytest.approx(1e6) and model.faults[0].load(9e-6) == pytest.approx(2e6)
 
 
@@ -285,7 +327,7 @@ def test_material(plane: Plane, tmp_path: Path) -> None:
     given = {"kind": "lame_elastic", "first": 2e9, "second": 2e9, "density": 1200.0}
     same = {"kind": "isotropic_elastic", "young_modulus": 5e9, "poisson_ratio": 0.25, "density": 1200.0}
     changes = {"plane": plane, "mesh.element_size": 4e-3}
-    ours = Model(in_a_case(tmp_path, "Material", plates({**changes, "materials.default": given})))
+    ours = Model(in_a_case("lame_elastic", plates({**changes, "materials.default": given})))
     theirs = Model(parse_case(plates({**changes, "materials.default": same})))
     assert ours.wave_speeds() == pytest.approx(theirs.wave_speeds(), rel=1e-6)
     u = np.random.default_rng(0).normal(size=len(ours.mass))
@@ -301,7 +343,7 @@ def test_mechanism(tmp_path: Path) -> None:
     mat = {"kind": "mat", "name": "mat", "edge": "lower.bottom", "stiffness": 1e12}
     spring = {"kind": "spring", "edge": "lower.bottom", "normal": 1e12, "tangential": 1e12}
     fixed = {"duration": 6e-6, "stepper": {"kind": "leapfrog", "time_step": 2e-8}}
-    ours = in_a_case(tmp_path, "Mechanism", plates({**fixed, "attachments": [mat], "boundaries": [push]}))
+    ours = in_a_case("mat", plates({**fixed, "attachments": [mat], "boundaries": [push]}))
     theirs = parse_case(plates({**fixed, "boundaries": [push, spring]}))
     with run(ours, tmp_path / "ours") as one, run(theirs, tmp_path / "theirs") as two:
         mats, slip = one.energy["mat"].values, two.bulk["displacement"].values
@@ -320,13 +362,13 @@ def test_boundary(tmp_path: Path) -> None:
     from ruptfx.run.model import Model
 
     entry = {"kind": "oscillating_pressure", "edge": "upper.top", "amplitude": 1e6, "period": 4e-6}
-    model = Model(in_a_case(tmp_path, "Boundary", plates({"boundaries": [entry]})))
+    model = Model(in_a_case("oscillating_pressure", plates({"boundaries": [entry]})))
     (force,) = model.loads.forces
     nodal = np.zeros(2 * model.nodes)
     nodal[force.dofs] = force.values * force.factor(1e-6)
     assert nodal.reshape(-1, 2).sum(axis=0) == pytest.approx([0.0, -12e3], abs=1e-6)
     with pytest.raises(CaseError, match=facts(r"boundaries\.0: .*use traction")):
-        in_a_case(tmp_path, "Boundary", plates({"boundaries": [entry], "plane": "antiplane"}))
+        in_a_case("oscillating_pressure", plates({"boundaries": [entry], "plane": "antiplane"}))
 
 
 @pytest.mark.fem
@@ -336,7 +378,7 @@ def test_mesh_source(tmp_path: Path) -> None:
     from ruptfx.run.model import Model
 
     changes = {"mesh": {"kind": "one_element", "size": 2e-3}, "order": 1, "faults.main.contact": SPLIT}
-    model = Model(in_a_case(tmp_path, "Mesh source", plates(changes)))
+    model = Model(in_a_case("one_element", plates(changes)))
     assert model.mass == pytest.approx(np.full(8, 1246.0 * 4e-6 / 4))
     (fault,) = model.faults
     assert fault.interface.position == pytest.approx([0.0, 2e-3]) and fault.interface.other_side == "rigid"
@@ -345,7 +387,7 @@ def test_mesh_source(tmp_path: Path) -> None:
 @pytest.mark.fem
 def test_stepper(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
-    case = in_a_case(tmp_path, "Stepper", plates({"stepper": {"kind": "even_steps", "number": 100}}))
+    case = in_a_case("even_steps", plates({"stepper": {"kind": "even_steps", "number": 100}}))
     with run(case, tmp_path / "run") as record:
         assert record.summary["time_step"] == pytest.approx(5e-8)  # 5 us in 100 steps
 
@@ -356,7 +398,7 @@ def test_operator(tmp_path: Path) -> None:
     from ruptfx.bodies.operators.ufl_form import UflForm
     from ruptfx.run.model import Model
 
-    model = Model(in_a_case(tmp_path, "Operator", plates({"operator": "counted"})))
+    model = Model(in_a_case("counted", plates({"operator": "counted"})))
     operator: Any = model.operator
     u = np.random.default_rng(0).normal(size=len(model.mass))
     found, expected, calls = np.zeros_like(u), np.zeros_like(u), operator.calls
@@ -374,7 +416,7 @@ def test_instrument(tmp_path: Path) -> None:
     from ruptfx.run.recording.sampling import Samples
 
     entry = {"kind": "tiltmeter", "name": "tilt", "interval": 1e-6, "point": [5e-3, 1e-3]}
-    model = Model(in_a_case(tmp_path, "Instrument", plates({"instruments": [entry]})))
+    model = Model(in_a_case("tiltmeter", plates({"instruments": [entry]})))
     samples, state = Samples(model, 1e-8, unstressed), model.initial_state()
     x, y = model.coordinates.T
     state.displacement[:] = 3e-6 * np.stack([-y, x], axis=1).ravel()
@@ -390,7 +432,7 @@ def test_term_of_an_objective(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     from ruptfx import gradient
 
-    case = in_a_case(tmp_path, "Term of an objective", slip_weakening({"objective": [{"kind": "mean_slip"}]}))
+    case = in_a_case("mean_slip", slip_weakening({"objective": [{"kind": "mean_slip"}]}))
     found = gradient(case, unknowns=["faults.main.initial_stress.shear"], progress=False)
     assert found["faults.main.initial_stress.shear"].attrs["units"] == "m/Pa"
     assert float(found["faults.main.initial_stress.shear"].sum()) > 0
@@ -400,18 +442,19 @@ def test_term_of_an_objective(tmp_path: Path) -> None:
 def test_profile(tmp_path: Path) -> None:
     """A quarter of a wavelength from the origin it is at its crest."""
     sine = {"kind": "sine", "mean": 3.0, "amplitude": "2 Pa", "wavelength": "4 mm"}
-    case = in_a_case(tmp_path, "Profile", plates({"faults.main.initial_stress.shear": sine}))
+    case = in_a_case("sine", plates({"faults.main.initial_stress.shear": sine}))
     stress = case.faults["main"].initial_stress.at(np.array([0.0, 1e-3, 3e-3]))
     assert stress.shear == pytest.approx([3.0, 5.0, 1.0])
 
 
 MONITORED = """
 import sys
-import numpy as np
-from ruptfx.input import fields
-from ruptfx.input.fields import Monitor
 
-fields.MONITORS += ({},)
+sys.path.insert(0, "{}")
+from sliding_time import sliding_time
+from ruptfx.input import fields
+
+fields.MONITORS += (sliding_time,)
 from ruptfx import read_case, simulate
 
 simulate(read_case(sys.argv[1]), sys.argv[2], progress=False)
@@ -424,7 +467,7 @@ def test_monitor_and_figure(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     table = slip_weakening({"duration": 3e-6})
     (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
-    script = MONITORED.format(EXAMPLES["Monitor"].strip())
+    script = MONITORED.format(EXAMPLES["sliding_time"].parent)
     done = subprocess.run(
         [sys.executable, "-c", script, "case.toml", "run"], cwd=tmp_path, capture_output=True, text=True,
         env={**os.environ, "PYTHONPATH": str(PACKAGE.parent)},
@@ -436,7 +479,7 @@ def test_monitor_and_figure(tmp_path: Path) -> None:
         assert (sliding.values[np.isnan(since.values)] == 0).all()
         step = record.summary["time_step"]
         assert (sliding + since).max() <= record.interface.time[-1] + step
-        example = executed("Figure")
+        example = executed("opening")
         assert example["suits"](record)
         (line,) = example["opening"](record, units={"opening": "m"}).lines
         np.testing.assert_array_equal(line.get_ydata(), record.interface.opening.values.max(axis=0))
@@ -447,7 +490,7 @@ def test_movie(tmp_path: Path) -> None:
     time, position = synthetic.times(3), synthetic.points(4)
     path = synthetic.write_run(tmp_path / "run", synthetic.crack(time, position), time, position, snapshots=3)
     with Record(path) as record:
-        film, moved = executed("Movie")["displacement"](record), record.bulk["displacement"].values
+        film, moved = executed("displacement")["displacement"](record), record.bulk["displacement"].values
         largest = np.linalg.norm(moved, axis=-1).max(axis=1)
         pictures = [np.nanmax(film.image(row)) for row in range(len(film.times))]
     assert len(pictures) == 3 and pictures == pytest.approx(list(largest), rel=0.1) and largest.max() > 0
@@ -456,21 +499,106 @@ def test_movie(tmp_path: Path) -> None:
 def test_command(tmp_path: Path) -> None:
     (tmp_path / "data").write_bytes(bytes(2_000_000))
     app = typer.Typer()
-    app.command()(executed("Command")["size"])
+    app.command()(executed("size")["size"])
     done = CliRunner().invoke(app, [str(tmp_path)])
     assert done.exit_code == 0 and done.output.split() == ["2", "MB"]
 
 
 def test_benchmark(tmp_path: Path) -> None:
-    (tmp_path / "rayleigh_example.py").write_text(EXAMPLES["Benchmark"], encoding="utf-8")
+    shutil.copy(EXAMPLES["rayleigh_example"], tmp_path)  # the folder of the file has the name of a package
     assert run_benchmark("rayleigh_example", out=tmp_path / "numbers", folder=tmp_path)
     assert (tmp_path / "numbers" / "rayleigh_example.json").is_file()
 
 
 def test_lumped_model(tmp_path: Path) -> None:
     """It comes to rest after v^2 / (2 mu g)."""
-    table = {"plugins": plug_in(tmp_path, "Lumped model"), "kind": "sliding_block", "speed": 2.0, "mu_d": 0.5}
+    table = {"plugins": plug_in("sliding_block"), "kind": "sliding_block", "speed": 2.0, "mu_d": 0.5}
     (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
     found = lumped.simulate(read_case(tmp_path / "case.toml"), tmp_path / "run")
     assert float(found.slip[-1]) == pytest.approx(4.0 / 9.81)
     assert (tmp_path / "run" / "figures" / "slip.png").is_file()
+
+
+@pytest.mark.fem
+def test_mineral_map() -> None:
+    """All cells of one height have one phase; layers of 2 mm in a specimen of 8 mm are four."""
+    cls = executed("layered")["Layered"]
+    phases = cls(thickness=2e-3, fractions={"a": 0.5, "b": 0.5}, seed=4)
+    x, y = np.meshgrid(np.arange(5) * 1e-3, np.arange(8) * 1e-3)
+    of_cells = phases.phase_of(np.column_stack([x.ravel(), y.ravel()]), 1e-3).reshape(8, 5)
+    assert (of_cells == of_cells[:, :1]).all() and (of_cells[::2] == of_cells[1::2]).all()
+    layers = {"kind": "layered", "thickness": 2e-3, "fractions": {"a": 0.5, "b": 0.5}, "seed": 4}
+    shape = {"kind": "rectangle", "width": 4e-3, "height": 8e-3}
+    case = in_a_case("layered", plates({"faults": {}}) | {
+        "faults": {}, "mesh": {"kind": "specimen", "shape": shape, "element_size": 1e-3, "phases": layers},
+    })  # fmt: skip
+    mesh = case.mesh.build()
+    height = mesh.points[mesh.cells].mean(axis=1)[:, 1]
+    of_layer = {int(layer): set(mesh.cell_body[(height - height.min()) // 2e-3 == layer]) for layer in range(4)}
+    assert all(len(bodies) == 1 for bodies in of_layer.values())
+
+
+@pytest.mark.fem
+def test_anisotropic_material() -> None:
+    """Along x in plane strain rho c^2 is A for the fastest and L for the slowest wave; Love's constants by hand."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.run.model import Model
+
+    rock = {"kind": "transversely_isotropic", "density": 2500.0, "A": 40e9, "C": 25e9, "F": 9e9, "L": 8e9, "N": 14e9}
+    model = Model(in_a_case("transversely_isotropic", plates({"plane": "strain", "materials.default": rock})))
+    speeds = model.wave_speeds()
+    assert speeds.c_p == pytest.approx(4000.0) and speeds.c_s == pytest.approx((8e9 / 2500) ** 0.5)
+
+
+@pytest.mark.fem
+def test_hardening_springs() -> None:
+    """12 mm of springs at 10 um: (1e12 Pa/m u + 1e20 Pa/m3 u^3) = 1e7 Pa + 1e5 Pa, against the motion."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.run.model import Model
+
+    pads = {"kind": "hardening_springs", "name": "pads", "edge": "lower.bottom", "stiffness": 1e12, "hardening": 1e20}
+    model = Model(in_a_case("hardening_springs", plates({"attachments": [pads]})))
+    (mechanism,), state = model.attachments, model.initial_state()
+    state.displacement[1::2] = 1e-5
+    mechanism.add_external(state, None)
+    assert state.force.reshape(-1, 2).sum(axis=0) == pytest.approx([0.0, -1.01e7 * 12e-3])
+
+
+@pytest.mark.fem
+def test_stop_rule(tmp_path: Path) -> None:
+    """It stops at the first record with the slip, 3 nm, which a run to the end passes."""
+    pytest.importorskip("dolfinx")
+    stop = {"stop_when": {"rules": [{"kind": "slip_beyond", "slip": 3e-9}]}, "output.interface_interval": 1e-7}
+    with run(in_a_case("slip_beyond", slip_weakening({"duration": 3e-6, **stop})), tmp_path / "run") as record:
+        largest = record.interface.slip.max("position").values
+        assert record.summary["ended_by"] == "slip reached its limit"
+        assert largest[-1] >= 3e-9 > largest[-2] and record.interface.time[-1] < 3e-6
+
+
+def test_search_method(tmp_path: Path) -> None:
+    """A study file names the plug-in and the kind; without the plug-in the kind is unknown."""
+    from ruptfx.many_runs.study import search
+    from ruptfx.many_runs.study.definition import read_study
+
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(plates()))
+    text = f"""case = "case.toml"
+plugins = {plug_in("shrinking_box")}
+sampling = "search"
+samples = 9
+[[axes]]
+key = "duration"
+range = [1e-6, 3e-6]
+[search]
+method = {{ kind = "shrinking_box", shrink = 0.5 }}
+[[search.goals]]
+quantity = "max_slip"
+at_least = 1.0
+"""
+    (tmp_path / "study.toml").write_text(text)
+    study = read_study(tmp_path / "study.toml")
+    assert study.search.method.kind() == "shrinking_box" and study.search.method.shrink == 0.5
+    sets, _ = next(search._generations(study, study.search))
+    assert sets[0] == pytest.approx([0.5]) and len(sets) == 8
+    (tmp_path / "study.toml").write_text(text.replace('sampling = "search"', 'sampling = "cma_es"'))
+    with pytest.raises(CaseError, match=facts(r"search\.method.*shrinking_box")):
+        read_study(tmp_path / "study.toml")

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -322,6 +323,67 @@ def test_entry_points_that_are_refused(entries: str, message: str, package: Any)
         find("ruptfx.laws.friction", kind)
     assert says(message, broken("ruptfx.laws.friction")[kind])
     assert "cohesion" in alternatives("ruptfx.laws.friction")
+
+
+FUNCTIONS = """[ruptfx.figures]
+opening = opening_of_others
+broken = nothing_there
+[ruptfx.movies]
+displacement = displacement
+[ruptfx.commands]
+size = size
+run = size
+"""
+USE = """
+from pathlib import Path
+from helpers import synthetic
+from ruptfx.results import movies, plots
+from ruptfx.results.record import Record
+
+time, position = synthetic.times(3), synthetic.points(4)
+with Record(synthetic.write_run(Path("run"), synthetic.crack(time, position), time, position, snapshots=3)) as record:
+    film = movies.film(record, "displacement")
+    axes = plots.opening(record)
+    print(plots.suits("opening", record), len(film.times), axes.get_ylabel(), "broken" in plots.FIGURES)
+"""
+
+
+@pytest.fixture
+def functions_of_others(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """A package with a figure, a movie and a command, which a process finds; the figure is one of the demos."""
+    root = Path(ruptfx.__file__).parents[1]
+    for kind, name in (("plots", "opening"), ("movies", "displacement"), ("commands", "size")):
+        source = root / "demos" / "plugins" / kind / f"{name}.py"
+        shutil.copy(source, tmp_path / ("opening_of_others.py" if kind == "plots" else f"{name}.py"))
+    folder = tmp_path / "functions_of_others-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: functions-of-others\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text(FUNCTIONS)
+    paths = os.pathsep.join(map(str, (tmp_path, root, root / "tests", *sys.path)))
+
+    def python(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+                              env={**os.environ, "PYTHONPATH": paths, "COLUMNS": "200"})  # fmt: skip
+
+    return python
+
+
+def test_packages_add_figures_and_movies(functions_of_others: Callable[..., Any]) -> None:
+    """Also beside one that does not load, which is named."""
+    done = functions_of_others("-c", USE)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["True", "3", "Largest", "opening", "(m)", "False"]
+    assert says("ruptfx.figures 'broken' of functions-of-others: No module named 'nothing_there'", done.stderr)
+
+
+def test_packages_add_commands(functions_of_others: Callable[..., Any], tmp_path: Path) -> None:
+    """One that would hide a command of the program is named and left out."""
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "file").write_bytes(bytes(3_000_000))
+    done = functions_of_others("-m", "ruptfx", "size", "data")
+    assert done.returncode == 0 and done.stdout.split() == ["3", "MB"]
+    assert says("command 'run' of functions-of-others, size", done.stderr)
+    assert "displacement" in functions_of_others("-m", "ruptfx", "movie", "--help").stdout
 
 
 # -- files that do not load ------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import tomllib
 import zlib
 from collections.abc import Callable
 from functools import cache
@@ -11,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ruptfx import Table
-from ruptfx.input.schema import CaseError, Part, alternatives, package_of, unit_of
+from ruptfx.input.schema import Alternative, CaseError, Part, alternatives, home, package_of, unit_of
 
 Array = np.ndarray
 
@@ -63,6 +64,22 @@ def required_part(cls: type[Part], name: str) -> type[Part] | None:
     return inside if field.is_required() and isinstance(inside, type) and issubclass(inside, Part) else None
 
 
+def declared(cls: type[Part], seed: int) -> Table:
+    """Return the numbers of the example that a law or material declares, those of one unit times one random factor.
+
+    Formulas that are sound for the example stay so, if they have no scale of their own; numbers without unit are kept.
+    """
+    if not issubclass(cls, Alternative) or not (cls.example and str(home(cls)).startswith("ruptfx.laws.")):
+        return {}
+    values: Table = tomllib.loads(f"example = {cls.example}")["example"]
+    for name, value in values.items():
+        unit = unit_of(cls, name) if name in cls.model_fields else "1"
+        if isinstance(value, float) and unit != "1":
+            factor = np.random.default_rng([seed, zlib.crc32(unit.encode())]).uniform(0.5, 2.0) if seed else 1.0
+            values[name] = value * float(factor)
+    return values
+
+
 def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool = False) -> Table:
     """Return a table of a case with a value for every field.
 
@@ -77,8 +94,11 @@ def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool
         Give every field that may vary along an interface as a profile.
     """
     result: Table = {}
+    known_values = declared(cls, seed)
     for name, schema in properties(cls).items():
         if name not in cls.model_fields:  # an alternative key of another field
+            continue
+        if known_values and name not in known_values:  # a number of its own might not fit those of the example
             continue
         inner = folder(schema)
         options = flat(schema)
@@ -88,12 +108,15 @@ def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool
             result[name] = {"kind": kind, **table(known[kind], seed, None, profiles)}
         elif any(item.get("type") == "number" for item in options):
             limits = next(item for item in options if item.get("type") == "number")
-            result[name] = value = number(seed, name, unit_of(cls, name), limits)
+            drawn = number(seed, name, unit_of(cls, name), limits)
+            result[name] = value = float(known_values.get(name, drawn))
             if profiles and any(item.get("x-folder") == "profiles" for item in options):
                 # Some fields grow where others fall, so that their ratios vary too.
                 amplitude = (0.3 if zlib.crc32(name.encode()) % 2 else -0.3) * value
                 profile = {"background": value, "amplitude": amplitude, "center": 0.4, "width": 0.2}
                 result[name] = {"kind": "gaussian", **profile}
+        elif name in known_values:
+            result[name] = known_values[name]
         elif any(item.get("type") == "boolean" for item in options):
             result[name] = bool(seed % 2)
         elif any(item.get("type") == "array" and "minItems" in item for item in options):

@@ -13,9 +13,10 @@ import numpy as np
 import tomli_w
 from pydantic import TypeAdapter
 
-from ruptfx.app.check_law.checks import require
+from ruptfx.app.check_law.checks import Broken, require
+from ruptfx.input.schema import CaseError
 from ruptfx.laws.materials import AnyMaterial, Material, Tensor
-from ruptfx.laws.materials.stiffness import tangent_stiffness
+from ruptfx.laws.materials.stiffness import require_positive_energy, tangent_stiffness
 from ruptfx.laws.materials.tensor import COMPONENTS
 from ruptfx.laws.materials.traced import traced
 
@@ -71,6 +72,17 @@ def toml(material: Material, seed: int) -> None:
     written = tomli_w.dumps({"material": material.model_dump(mode="json", exclude_none=True)})
     again = TypeAdapter(AnyMaterial).validate_python(tomllib.loads(written)["material"])
     require(again == material, "a case with this material reads differently than it was written")
+
+
+def positive(material: Material, seed: int) -> None:
+    """Check that every strain stores energy, in all planes of the material."""
+    try:
+        for plane in material.planes():
+            require_positive_energy(material, plane)
+    except CaseError as error:
+        raise Broken(
+            f"{error}, or declare an `example` with numbers that fit together, and refuse others in `check_values`"
+        ) from None
 
 
 def starts_elastic(material: Material, seed: int) -> str | None:
@@ -209,7 +221,7 @@ def _components(matrix: np.ndarray) -> np.ndarray:
 
 
 CHECKS: dict[str, Callable[[Material, int], str | None]] = {
-    "case file": toml, "elastic under sudden strain": starts_elastic, "present stress": repeats,
-    "traced formula": tracing, "stable time step": stable, "dissipation": dissipates,
+    "case file": toml, "positive energy": positive, "elastic under sudden strain": starts_elastic,
+    "present stress": repeats, "traced formula": tracing, "stable time step": stable, "dissipation": dissipates,
     "no preferred direction": indifferent,
 }  # fmt: skip

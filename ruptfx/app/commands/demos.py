@@ -38,6 +38,7 @@ def demos(
         with writing(out) as files:
             for file in filter(Path.is_file, given.iterdir()):
                 shutil.copy(file, files.place)
+            shutil.copytree(given / "plugins", files.place / "plugins", ignore=shutil.ignore_patterns("__pycache__"))
             if schema:
                 write_schema(files.place)
                 for case in sorted(files.place.glob("*.toml")):

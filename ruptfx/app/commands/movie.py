@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
 
@@ -21,8 +22,9 @@ class Format(StrEnum):  # older Typers know no Literal
 
 
 def films() -> list[str]:
-    """Return the kinds of movies, the files of their folder."""
-    return sorted(path.stem for path in (Path(__file__).parents[2] / "results" / "movies").glob("[!_]*.py"))
+    """Return the kinds of movies, the files of their folder and entry points of packages."""
+    files = (Path(__file__).parents[2] / "results" / "movies").glob("[!_]*.py")
+    return sorted({*(path.stem for path in files), *(entry.name for entry in entry_points(group="ruptfx.movies"))})
 
 
 def movie(

@@ -30,6 +30,7 @@ from ruptfx.input.schema import (
     directory_of,
     first_line,
     from_outside,
+    json_schema,
     kinds,
     nearest,
     own_module,
@@ -45,8 +46,8 @@ from ruptfx.stepping.stopping import StopWhen
 
 FOLDERS = (
     "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries", "attachments", "contact", "materials",
-    "meshes", "initial_stress", "phases", "steppers", "operators", "instruments", "misfits", "cameras", "profiles",
-    "lumped",
+    "meshes", "initial_stress", "phases", "steppers", "stop_rules", "operators", "instruments", "misfits",
+    "cameras", "profiles", "search_methods", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},
@@ -97,7 +98,7 @@ class Entry:
 
 def file_schema() -> dict[str, object]:
     """Return the JSON schema of a file for `ruptfx run` (a case) or `ruptfx study` (a study)."""
-    schema, study = case_schema(), Study.model_json_schema()
+    schema, study = case_schema(), json_schema(Study, [package_of("search_methods")])
     schema["title"] = "ruptfx case or study"
     schema["$defs"] |= {**study.pop("$defs"), "study": study}
     schema["oneOf"].append({"$ref": "#/$defs/study"})

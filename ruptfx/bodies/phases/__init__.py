@@ -51,6 +51,20 @@ class Phases(Alternative):
         """
         raise NotImplementedError
 
+    def draws(self, size: NDArray[np.float64], element_size: float) -> float:
+        """Return how many independent draws the phases of a rectangle are worth; default: one for every cell.
+
+        The fractions scatter as those of so many draws.
+
+        Parameters
+        ----------
+        size : ndarray, shape (2,)
+            Lengths of its sides [m].
+        element_size : float
+            [m].
+        """
+        return float(np.prod(size)) / element_size**2
+
     def drawn(self, count: int, random: np.random.Generator) -> NDArray[np.int64]:
         """Return `count` independent random phases."""
         share = np.array(list(self.fractions.values()))

@@ -39,3 +39,7 @@ class VoronoiGrains(Phases):
         points = low + size * random.random((count, 2))
         grain = KDTree(points).query(centres)[1]
         return np.asarray(self.drawn(count, random)[grain])
+
+    def draws(self, size: NDArray[np.float64], element_size: float) -> float:
+        # Areas of Voronoi cells scatter by 0.53 of their mean: sums scatter sqrt(1 + 0.28) times as much.
+        return float(np.prod(size)) / self.grain_size**2 / 1.28

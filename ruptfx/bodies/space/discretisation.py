@@ -14,6 +14,7 @@ from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.bodies.space.variation import Variation
 from ruptfx.input.schema import CaseError, nearest
 from ruptfx.laws.materials import Material, Plane
+from ruptfx.laws.materials.stiffness import require_positive_energy
 from ruptfx.platform import fem, parallel
 
 
@@ -93,8 +94,28 @@ class Discretisation:
         if Variation.needed(self.given):
             self.variation = Variation(self.space, bodies.names, bodies.cell_body, self.given, plane)
             self.materials = self.variation.references
+        self._require_positive_energies()
         self.mass = self._mass(range(len(bodies.names)))
         self.oblique = np.zeros(self.nodes, dtype=bool)
+
+    def _require_positive_energies(self) -> None:
+        """Refuse materials of which some strain would release energy, where parameters vary also at their extremes.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        error = None
+        for number, (name, material) in enumerate(zip(self.bodies.names, self.materials, strict=True)):
+            extremes = self.variation.extremes(number) if self.variation is not None else []
+            try:
+                for each in [material, *extremes]:
+                    if not each.isotropic:  # bounds of their keys keep those positive
+                        require_positive_energy(each, self.plane, f"materials.{name}")
+            except CaseError as caught:  # the points of a rank may differ
+                error = error or caught
+        parallel.raise_on_all(self.comm, error)
 
     def _mass(self, bodies: Collection[int]) -> np.ndarray:
         """Return the lumped mass of bodies at every local degree of freedom [kg], shape (nodes * components,)."""

@@ -137,6 +137,15 @@ class Variation:
         _, *chosen = min(every.tolist())
         return material.with_values(dict(zip(values, chosen, strict=True)))
 
+    def extremes(self, number: int) -> list[Material]:
+        """Return the material of a body at the points of this rank where a parameter is smallest or largest."""
+        values = {key: each.ravel() for key, each in self._values[number].items()}
+        where = {int(find(each)) for each in values.values() if len(each) for find in (np.argmin, np.argmax)}
+        return [
+            self.given[number].with_values({key: float(each[point]) for key, each in values.items()})
+            for point in sorted(where)
+        ]
+
     def varies(self, number: int) -> bool:
         """Return whether a parameter of a body varies."""
         return bool(self.given[number].varying)

@@ -42,6 +42,12 @@ class Attachment(Alternative):
     inertia: ClassVar[bool] = False
     """Whether it acts by inertia only, so that it has no effect in steps of equilibrium."""
 
+    closure: ClassVar[float] = 1e-12
+    """Largest part of the kinetic energy that the budget of explicit steps may lack; above rounding it falls with the
+    square of the step, and the class says why it is open."""
+    why_open: ClassVar[str] = ""
+    """Reason for a budget that is open by more than rounding."""
+
     name: Name
     """Name of its group in `attachments.h5`, different for each attachment."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import RuptfxError
+from ruptfx.input.schema import CaseError
 
 if TYPE_CHECKING:
     from ruptfx.laws.materials import Material, Plane
@@ -51,6 +52,46 @@ def linear_stiffness(material: Material, plane: Plane) -> np.ndarray:
     if not np.allclose(strained, stiffness, rtol=1e-12, atol=1e-12 * np.abs(stiffness).max()):
         raise RuptfxError(f"material '{material.kind()}': its stiffness varies with the strain")
     return stiffness
+
+
+def least_stiffness(material: Material, plane: Plane) -> tuple[float, float]:
+    """Return the smallest and the largest eigenvalue of the stiffness at zero strain [Pa].
+
+    They are twice the energies of strains of norm one. Axisymmetric bodies have those of 3D, as hoop strain counts.
+
+    Raises
+    ------
+    RuptfxError
+        An energy that depends on more than the strain.
+    """
+    stiffness = tangent_stiffness(material, "solid" if plane == "axisymmetric" else plane)
+    if stiffness.ndim == 4:
+        pairs = [(i, j) for i in range(len(stiffness)) for j in range(i + 1)]
+        size = np.sqrt([1.0 if i == j else 2.0 for i, j in pairs])  # of a strain whose norm counts both entries
+        stiffness = np.outer(size, size) * [[stiffness[(*row, *column)] for column in pairs] for row in pairs]
+    moduli = np.linalg.eigvalsh(stiffness)
+    return float(moduli[0]), float(moduli[-1])
+
+
+def require_positive_energy(material: Material, plane: Plane, key: str = "") -> None:
+    """Refuse a material of which some strain would release energy.
+
+    A material whose stiffness does not follow from its energy alone is accepted.
+
+    Raises
+    ------
+    CaseError
+        Names the key and the smallest stiffness.
+    """
+    try:
+        least, largest = least_stiffness(material, plane)
+    except RuptfxError:
+        return
+    if least <= 1e-13 * largest:  # rounding of the eigenvalues
+        raise CaseError(
+            f"{key or material.kind()}: some strain has the stiffness {least:.4g} Pa in plane = '{plane}', which must "
+            f"be positive (the largest is {largest:.4g} Pa): it would release energy; change the elastic constants"
+        )
 
 
 def _second_derivative(material: Material, plane: Plane, size: float) -> np.ndarray:

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, ValidationInfo, model_validator
 
 from ruptfx import Table
 from ruptfx.case import Case, override, parse_case, read_toml
+from ruptfx.input.plugins import active, named
 from ruptfx.input.quantities import at_least, at_most, require_units, si_and_units
 from ruptfx.input.schema import CaseError, CasePath, Name, Part, nearest, set_key, unit_of_key
 from ruptfx.input.units import Duration, Fraction
@@ -208,8 +209,9 @@ class Study(Part):
     """Keys of the case that differ from the file at every point; a table with a `kind` replaces the file's one."""
     axes: Annotated[list[Axis], Field(min_length=1)]
     """Axes, one table each."""
-    sampling: Literal["grid", "latin_hypercube", "cma_es"] = "grid"
-    """All combinations (grid); or, over the axes with a range, a Latin hypercube or a search for the best set."""
+    sampling: Literal["grid", "latin_hypercube", "search", "cma_es"] = "grid"
+    """All combinations (grid); or, over the axes with a range, a Latin hypercube or a search for the best set by
+    `search.method`, for which `cma_es` is the method of that name."""
     samples: Annotated[int, Field(ge=1)] | None = None
     """Number of points of the hypercube, or of sets of the search."""
     seed: Annotated[int, Field(ge=0)] = 0
@@ -229,6 +231,13 @@ class Study(Part):
     marks: list[Mark] = []
     """Points marked in figures."""
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_plugins(cls, values: object, handler: ModelWrapValidatorHandler[Study], info: ValidationInfo) -> Study:
+        loaded = named(values, (info.context or {}).get("directory")) if isinstance(values, Mapping) else []
+        with active(loaded):
+            return handler(values)
+
     @model_validator(mode="after")
     def _consistent(self) -> Study:
         columns = [axis.column for axis in self.axes]
@@ -242,9 +251,12 @@ class Study(Part):
         self._require_single_writers()
         if self.sampling != "grid" and (self.samples is None or not self.sampled):
             raise ValueError(f"a {self.sampling} needs samples and at least one axis with a range")
-        if (self.sampling == "cma_es") != (self.search is not None):
-            raise ValueError('sampling = "cma_es" and the table [search] belong together; give both or none')
+        if (self.sampling in ("search", "cma_es")) != (self.search is not None):
+            raise ValueError('sampling = "search" or "cma_es", and the table [search]: give both or none of them')
         if self.search is not None:
+            if self.sampling == "cma_es" and self.search.method.kind() != "cma_es":
+                kind = self.search.method.kind()
+                raise ValueError(f'search.method = "{kind}": needs sampling = "search", not "cma_es"')
             self._check_search(self.search)
         crossed = [len(axis.values or []) or axis.points or 1 for axis in self.axes if axis not in self.sampled]
         count = math.prod(crossed) * (self.samples or 1 if self.sampled else 1)

@@ -12,6 +12,8 @@ from ruptfx import Table
 from ruptfx.input.quantities import parse
 from ruptfx.input.schema import CaseError, Part
 from ruptfx.input.units import Fraction
+from ruptfx.many_runs.search_methods import AnySearchMethod
+from ruptfx.many_runs.search_methods.cma_es import CmaEs
 from ruptfx.results import summary_fields
 
 Positive = Annotated[float, Field(gt=0)]
@@ -86,11 +88,10 @@ class Goal(Part):
 
 
 class Search(Part):
-    """Search over the axes with a range, by evolution with covariance matrix adaptation (CMA-ES).
+    """Search over the axes with a range.
 
     The degree of a run is the geometric mean of the degrees of the goals that apply to it, and the score
-    of a set of constants the mean over its runs. A search that stops improving restarts elsewhere, with twice the
-    population (Auger and Hansen, CEC 2005).
+    of a set of constants the mean over its runs.
     """
 
     goals: Annotated[list[Goal], Field(min_length=1)]
@@ -100,7 +101,9 @@ class Search(Part):
     step: Fraction = 0.2
     """Standard deviation of the first population, as a part of the ranges."""
     population: Annotated[int, Field(ge=4)] | None = None
-    """Sets of one generation; default is 4 + 3 ln of the number of axes."""
+    """Sets of one generation; the default is that of the method."""
+    method: AnySearchMethod = CmaEs()
+    """Method that chooses the sets."""
 
     def degree(self, coordinates: Mapping[str, object], values: Mapping[str, object]) -> float:
         """Return the geometric mean of the goals that apply to a run; 1 without any."""

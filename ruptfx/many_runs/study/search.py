@@ -1,8 +1,8 @@
-"""Search for the best set of constants: generations of sets by CMA-ES, each set under all values of the other axes.
+"""Search for the best set of constants: generations of sets, each set under all values of the other axes.
 
-The optimiser has no saved state. With the same seed it requests the same sets as long as it receives the same scores,
-so an interrupted search replays the finished points without computing and continues. CMA-ES is that of the library
-`cma`: Hansen, The CMA evolution strategy: a tutorial, arXiv:1604.00772.
+The optimiser (`ruptfx.many_runs.search_methods`) has no saved state. With the same seed it requests the same sets as
+long as it receives the same scores, so an interrupted search replays the finished points without computing and
+continues.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import tomli_w
 
-from ruptfx import RuptfxError, Table
+from ruptfx import Table
+from ruptfx.many_runs.search_methods import Generation
 from ruptfx.many_runs.study.definition import Axis, Point, Study
 from ruptfx.many_runs.study.goals import Search
 from ruptfx.many_runs.study.scored import Runs, ScoredSet
@@ -70,28 +71,11 @@ def _search(study: Study) -> Search:
     return study.search
 
 
-def _generations(study: Study, search: Search) -> Iterator[tuple[list[Any], Callable[[list[float]], None]]]:
+def _generations(study: Study, search: Search) -> Iterator[Generation]:
     """Yield populations in the unit cube without end, each with the function that accepts their losses."""
-    try:
-        import cma
-    except ImportError as error:
-        raise RuptfxError(f"a search needs cma ({error}): pip install 'ruptfx[search]'") from None
-    random = np.random.default_rng(study.seed)
     start = study.start(search)
     begin = [axis.part(start[axis.column]) for axis in study.sampled]
-    size = search.population or 4 + int(3 * math.log(len(begin)))
-    first = True
-    while True:
-        evolution = cma.CMAEvolutionStrategy(begin, search.step, {
-            "bounds": [0, 1], "popsize": size, "verbose": -9, "seed": math.nan, "signals_filename": "",
-            "randn": lambda *shape: random.standard_normal(shape),
-        })  # fmt: skip
-        while not evolution.stop():
-            asked = evolution.ask()
-            if first:  # what is known to be good is among the first
-                asked[0], first = np.array(begin), False
-            yield asked, lambda losses, asked=asked, to=evolution: to.tell(asked, losses)  # type: ignore[misc]
-        begin, size = list(random.random(len(begin))), 2 * size
+    return search.method.generations(begin, search.step, search.population, np.random.default_rng(study.seed))
 
 
 def _sample(study: Study, unit: Sequence[float]) -> dict[str, float]:

@@ -2,7 +2,8 @@
 
 In three dimensions they show the slip rate on a surface.
 
-Every kind of movie is one file of this folder, found by its name: its function of the same name makes a `Film` of a
+Every kind of movie is one file of this folder, found by its name, or a module that a package offers as entry point,
+group ``ruptfx.movies``: its function of the same name makes a `Film` of a
 `Record`. GIF needs nothing more; MP4 needs the package imageio-ffmpeg or the program ffmpeg.
 """
 
@@ -21,7 +22,7 @@ from PIL import Image
 
 from ruptfx import RuptfxError
 from ruptfx.input.quantities import with_prefix
-from ruptfx.input.schema import nearest, own_kinds, own_module
+from ruptfx.input.schema import kinds, module_of, nearest
 from ruptfx.results.analysis import slides_far
 from ruptfx.results.analysis.raster import Raster
 from ruptfx.results.figure_style import STYLE, Array, new_figure, remark, scale
@@ -179,9 +180,9 @@ def film(record: Record, what: str) -> Film:
     RuptfxError
         Nothing of that name, or the run has no such data.
     """
-    if what not in own_kinds(__name__):
-        raise RuptfxError(f"--what {what}: {nearest(what, own_kinds(__name__))}")
-    shoot: Callable[[Record], Film] = getattr(own_module(__name__, what), what)
+    if what not in kinds(__name__):
+        raise RuptfxError(f"--what {what}: {nearest(what, kinds(__name__))}")
+    shoot: Callable[[Record], Film] = getattr(module_of(__name__, what), what)
     return shoot(record)
 
 

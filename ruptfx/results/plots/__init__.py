@@ -1,6 +1,7 @@
 """Figures of a run, from its record; good enough for a paper and drawn without a display or DOLFINx.
 
-A figure is one file of this folder, found by its name. Its function of the same name draws a `Record`, on a new figure
+A figure is one file of this folder, found by its name, or a module that a package offers as entry point, group
+``ruptfx.figures``. Its function of the same name draws a `Record`, on a new figure
 or into given axes, and returns the axes; its `suits` says which runs it is drawn for.
 
 >>> from ruptfx import Record, plots                                                     # doctest: +SKIP
@@ -9,15 +10,17 @@ or into given axes, and returns the axes; its `suits` says which runs it is draw
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
-from ruptfx.input.schema import own_kinds, own_module
+from ruptfx.input.schema import installed, kinds, module_of, own_kinds, own_module
 from ruptfx.results.figure_style import save, style
 from ruptfx.results.outputs import final, unwritable
 from ruptfx.results.plots._sheet import Panels, Window, figure_of, pair, remarks
@@ -29,7 +32,16 @@ Draw = Callable[..., Axes | Panels]
 
 SHARED = ("surface_maps",)
 """Files of this folder that are no kinds."""
-_FILES = {name: own_module(__name__, name) for name in own_kinds(__name__)}
+_FILES: dict[str, ModuleType] = {}
+for _name in kinds(__name__):
+    try:
+        _FILES[_name] = module_of(__name__, _name)
+    except RuptfxError as _error:
+        if _name in own_kinds(__name__) and _name not in installed(__name__):
+            raise
+        warnings.warn(str(_error), stacklevel=2)  # one broken package does not keep the other figures from users
+        if _name in own_kinds(__name__):
+            _FILES[_name] = own_module(__name__, _name)
 FIGURES: dict[str, Draw] = {name: getattr(file, name) for name, file in _FILES.items()}
 """The functions that draw, by name."""
 globals().update(FIGURES)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 FOLDER = directories.CHECKPOINTS
 KEPT = 2
-LAYOUT = 3  # version of the manifest, increased with every change that older code cannot read
+LAYOUT = 4  # version of the manifest, increased with every change that older code cannot read
 _ANEW = "run the case again with another --out"
 READ_ONLY = ("state", "bulk")
 """Stems of the files of a checkpoint that are read; the others are copied to the run directory and grow there."""
