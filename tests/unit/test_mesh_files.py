@@ -174,6 +174,19 @@ def test_cells_of_no_group(tmp_path: Path) -> None:
         build(path, {})
 
 
+def test_an_edge_with_a_number_is_proposed(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from ruptfx.bodies.space.bodies import distribute
+    from ruptfx.platform import fem
+
+    script = PLATES.replace('("upper.left")', "(105)")
+    path = write(tmp_path / "a.msh", script)
+    mesh = GmshFile.model_validate({"file": str(path), "interfaces": SIDES})
+    bodies = distribute(fem.MPI.COMM_SELF, mesh)
+    with pytest.raises(RuptfxError, match=facts(r"edge = 'upper\.left': .*names = \{ \"upper\.left\" = 105 \}")):
+        bodies.tag("upper.left", "edge")
+
+
 def test_lost_groups_of_version_2(tmp_path: Path) -> None:
     path = write(tmp_path / "a.msh", MshFileVersion=2.2, SaveAll=1)
     with pytest.raises(RuptfxError, match=facts(r"a\.msh: .*main, .*2\.2 .*Mesh\.SaveAll = 1; .*Mesh\.SaveAll = 0")):
@@ -264,3 +277,212 @@ def test_exodus_is_refused_with_formats_that_work(tmp_path: Path) -> None:
     (tmp_path / "a.exo").write_bytes(b"CDF")
     with pytest.raises(RuptfxError, match=facts(r"a\.exo: .* \.msh, \.med, \.unv .* \.inp ")):
         build(tmp_path / "a.exo")
+
+
+# -- interfaces inside one body ----------------------------------------------------------------------------------------
+
+# A block of 8 x 4 mm, squares of 1 mm, in quarters; the line 11 from (0, 2) to (4, 2), 21 from there to (8, 2), 41 from
+# there to (4, 4).
+INSIDE = """
+d = 1e-3;
+For j In {0:2}
+  For i In {0:2}
+    Point(1 + i + 3 * j) = {4 * d * i, 2 * d * j, 0};
+  EndFor
+EndFor
+For j In {0:2}
+  Line(10 + j) = {1 + 3 * j, 2 + 3 * j}; Line(20 + j) = {2 + 3 * j, 3 + 3 * j};
+EndFor
+For i In {0:2}
+  Line(30 + i) = {1 + i, 4 + i}; Line(40 + i) = {4 + i, 7 + i};
+EndFor
+Curve Loop(1) = {10, 31, -11, -30}; Curve Loop(2) = {20, 32, -21, -31};
+Curve Loop(3) = {11, 41, -12, -40}; Curve Loop(4) = {21, 42, -22, -41};
+For k In {1:4}
+  Plane Surface(k) = {k};
+EndFor
+Transfinite Curve{10:12, 20:22} = 5; Transfinite Curve{30:32, 40:42} = 3;
+Transfinite Surface{1:4}; Recombine Surface{1:4};
+Physical Surface("rock") = {1, 2, 3, 4}; Physical Surface("below") = {1, 2}; Physical Surface("above") = {3, 4};
+Physical Curve("left") = {11}; Physical Curve("right") = {21}; Physical Curve("whole") = {11, 21};
+Physical Curve("corner") = {11, 41}; Physical Curve("junction") = {11, 21, 41}; Physical Curve("up") = {41};
+Physical Curve("rock.top") = {12, 22}; Physical Curve("rock.bottom") = {10, 20};
+"""
+ROCK = {"plus": "rock", "minus": "rock", "normal": [0.2, 1.0]}
+
+
+@pytest.mark.parametrize("fault", ["left", "right", "whole"])
+def test_an_interface_inside_a_body_is_that_between_two(fault: str, tmp_path: Path) -> None:
+    """It ends at the boundary and inside, with 4 nodes more than the 45 by hand, or at both boundaries, with 9 more."""
+    path = write(tmp_path / "a.msh", INSIDE)
+    one, two = build(path, {fault: ROCK}), build(path, {fault: {"plus": "above", "minus": "below"}})
+    assert one.bodies == ["rock"] and two.bodies == ["above", "below"]
+    assert np.array_equal(one.points, two.points) and np.array_equal(one.cells, two.cells)
+    for side in (0, 1):
+        assert np.array_equal(one.interfaces[fault][side], two.interfaces[fault][side])
+    assert len(one.points) == 45 + (9 if fault == "whole" else 4)
+    turned = build(path, {fault: ROCK | {"normal": [0.0, -1.0]}})
+    assert np.array_equal(turned.interfaces[fault][0], one.interfaces[fault][1])
+
+
+NO_SIDES: list[tuple[str, Any, str]] = [
+    ("corner", [1.0, 0.0], r"'corner' at \(.*, 0\.002\) m .*normal = \[1\.0, 0\.0\]"),
+    ("corner", [1.0, 1.0], r"'corner' .*\(0\.004, 0\.002\) m"),
+    ("junction", [-0.3, 1.0], r"'junction' .*\(0\.004, 0\.002\) m"),
+    ("left", [0.0, 0.0], r"left\.normal = \[0\.0, 0\.0\]"),
+    ("left", [0.0, 0.0, 1.0], r"left\.normal = \[0\.0, 0\.0, 1\.0\]: .* 2 "),
+    ("left", None, r"'left': .*rock .*normal = \[0\.0, 1\.0\]"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("fault, normal, message", NO_SIDES)
+def test_sides_that_are_ambiguous(fault: str, normal: Any, message: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "a.msh", INSIDE)
+    with pytest.raises(RuptfxError, match=facts(message)):
+        build(path, {fault: ROCK | {"normal": normal}})
+
+
+def test_what_is_proposed_for_corners_and_junctions(tmp_path: Path) -> None:
+    """A direction between both normals, and a branch with a name of its own."""
+    path = write(tmp_path / "a.msh", INSIDE)
+    plus, _ = build(path, {"corner": ROCK | {"normal": [-1.0, 1.0]}}).interfaces["corner"]
+    assert len(plus) == 6
+    raw = build(path, {"whole": ROCK, "up": ROCK | {"normal": [1.0, 0.0]}})
+    assert [len(sides[0]) for sides in raw.interfaces.values()] == [8, 2]
+
+
+SOLID = INSIDE[: INSIDE.index("Physical Surface")] + """
+For k In {1:4}
+  e[] = Extrude {0, 0, 2 * d} { Surface{k}; Layers{2}; Recombine; };
+  block~{k} = e[1]; upper~{k} = e[4];
+EndFor
+Coherence;
+Physical Volume("rock") = {1, 2, 3, 4}; Physical Volume("below") = {1, 2}; Physical Volume("above") = {3, 4};
+"""
+
+
+def in_solids(script: str) -> str:
+    """Return the script with groups of the surfaces that lie over the lines 11, 12 and 10."""
+    return script + "\n".join(
+        f'Physical Surface("{name}") = Surface In BoundingBox {{{box}}};' for name, box in {
+            "left": "-1e-6, 2e-3 - 1e-6, -1e-6, 4e-3 + 1e-6, 2e-3 + 1e-6, 2e-3 + 1e-6",
+            "whole.top": "-1e-6, 4e-3 - 1e-6, -1e-6, 8e-3 + 1e-6, 4e-3 + 1e-6, 2e-3 + 1e-6",
+            "whole.bottom": "-1e-6, -1e-6, -1e-6, 8e-3 + 1e-6, 1e-6, 2e-3 + 1e-6",
+        }.items()
+    )  # fmt: skip
+
+
+CASE = """
+order = 2
+duration = "6 us"
+plane = "{plane}"
+[materials.default]
+kind = "isotropic_elastic"
+young_modulus = "5.3 GPa"
+poisson_ratio = 0.35
+density = "1246 kg/m3"
+[faults.left]
+contact = {{ kind = "split_node" }}
+friction = {{ kind = "linear_slip_weakening", mu_s = 0.3, mu_d = 0.1, D_c = "1 um" }}
+initial_stress = {{ normal = "2 MPa", shear = "0.5 MPa" }}
+[damping.kelvin_voigt]
+fraction = 0.2
+[[boundaries]]
+kind = "driven"
+edge = "{top}"
+component = "x"
+velocity = "4 m/s"
+[[boundaries]]
+kind = "driven"
+edge = "{bottom}"
+component = "x"
+velocity = 0.0
+[output]
+figures = false
+"""
+
+
+def split(path: Path, raw: RawMesh) -> None:
+    """Write a mesh whose two sides have nodes of their own, with the facets of both in the group of the interface."""
+    cell, facet = ("quad", "line") if raw.cell == "quadrilateral" else ("hexahedron", "quad")
+    numbers = {name: number for number, name in enumerate((*raw.bodies, *raw.interfaces, *raw.edges), 1)}
+    facets = {name: np.concatenate(pair) for name, pair in raw.interfaces.items()} | raw.edges
+    order = [0, 1, 3, 2] if cell == "quad" else [0, 1, 3, 2, 4, 5, 7, 6]
+    tags = [raw.cell_body + 1, np.repeat([numbers[name] for name in facets], [len(each) for each in facets.values()])]
+    meshio.write(path, meshio.Mesh(
+        np.pad(raw.points, ((0, 0), (0, 3 - raw.points.shape[1]))),
+        [(cell, raw.cells[:, order]), (facet, np.concatenate([*facets.values()]))],
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={name: np.array([number, raw.points.shape[1] - (name not in raw.bodies)])
+                    for name, number in numbers.items()},
+    ), file_format="gmsh22", binary=False)  # fmt: skip
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("dim", [2, 3])
+def test_numbers_inside_one_body_are_those_between_two(dim: int, tmp_path: Path) -> None:
+    """The fault slips; the other half of its plane, and its rim, are welded in both meshes."""
+    pytest.importorskip("dolfinx")
+    from ruptfx import read_case, simulate
+
+    write(tmp_path / "a.msh", INSIDE if dim == 2 else in_solids(SOLID))
+    names = ("rock.top", "rock.bottom") if dim == 2 else ("whole.top", "whole.bottom")
+    split(tmp_path / "split.msh", build(tmp_path / "a.msh", {"left": {"plus": "above", "minus": "below"}}))
+    text = CASE.format(top=names[0], bottom=names[1], plane="strain" if dim == 2 else "solid")
+    records = []
+    for file, plus, minus in (("a", "rock", "rock"), ("a", "above", "below"), ("split", "above", "below")):
+        sides = f'plus = "{plus}"\nminus = "{minus}"\n' + f"normal = {[0.1, 1.0, 0.0][:dim]}" * (plus == minus)
+        case = tmp_path / f"{file}_{plus}.toml"
+        case.write_text(f'{text}[mesh]\nkind = "gmsh_file"\nfile = "{file}.msh"\n[mesh.interfaces.left]\n{sides}\n')
+        records.append(simulate(read_case(case), out=tmp_path / case.stem, progress=False).interface)
+    one, *others = records
+    fields = [name for name, field in one.data_vars.items() if field.dtype.kind == "f"]
+    slips = [name for name in fields if name.startswith("slip") and "rate" not in name]
+    assert max(np.abs(one[name].values).max() for name in slips) > 1e-6
+    for name in fields:
+        for other in others:
+            scale = np.nanmax(np.abs(other[name].values), initial=0.0)
+            np.testing.assert_allclose(one[name].values, other[name].values, rtol=0, atol=1e-12 * scale, err_msg=name)
+
+
+EMBEDDED = {
+    2: """
+Point(1) = {0, 0, 0, 1}; Point(2) = {6, 0, 0, 1}; Point(3) = {6, 4, 0, 1}; Point(4) = {0, 4, 0, 1};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Point(5) = {2, 1.5, 0, 0.5}; Point(6) = {4, 2.5, 0, 0.5}; Line(5) = {5, 6};
+Curve{5} In Surface{1};
+Physical Surface("rock") = {1}; Physical Curve("fault") = {5};
+""",
+    3: """
+SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 6, 4, 4};
+Rectangle(20) = {2, 1, 0, 2, 2};
+Rotate {{1, 0, 0}, {0, 2, 0}, Pi / 3} { Surface{20}; }
+Translate {0, 0, 2} { Surface{20}; }
+BooleanFragments{ Volume{1}; Delete; }{ Surface{20}; Delete; }
+MeshSize{:} = 0.7;
+Physical Volume("rock") = {1}; Physical Surface("fault") = {20};
+""",
+}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_rim_inside_the_body_is_welded(dim: int, tmp_path: Path) -> None:
+    """The sides share the nodes of the rim and no others; triangles of the plus side are above the fault."""
+    path = write(tmp_path / "a.msh", EMBEDDED[dim])
+    raw = build(path, {"fault": ROCK | {"normal": [0.0, 1.0] if dim == 2 else [0.0, 0.0, 1.0]}})
+    plus, minus = raw.interfaces["fault"]
+    ridges = np.sort(np.concatenate([np.delete(plus, i, axis=1) for i in range(dim)]), axis=1)
+    once, count = np.unique(ridges, axis=0, return_counts=True)
+    rim = np.unique(once[count == 1])
+    assert np.array_equal(np.intersect1d(plus, minus), rim) and len(np.unique(plus)) > len(rim)
+    assert np.array_equal(raw.points[plus], raw.points[minus])
+    assert len(raw.points) == len(np.unique(raw.points, axis=0)) + len(np.unique(plus)) - len(rim)
+    for side, sign in ((plus, 1), (minus, -1)):
+        cells = [raw.cells[np.isin(raw.cells, facet).sum(axis=1) == dim] for facet in side]
+        assert all(len(each) == 1 or np.isin(facet, rim).all() for each, facet in zip(cells, side, strict=True))
+        apart = [raw.points[each[0]].mean(axis=0) - raw.points[facet].mean(axis=0)
+                 for each, facet in zip(cells, side, strict=True) if len(each) == 1]  # fmt: skip
+        slope = np.array([-0.5, 1.0]) if dim == 2 else np.array([0.0, -np.sqrt(3), 1.0])
+        assert np.all(sign * (np.array(apart) @ slope) > 0)

@@ -14,9 +14,10 @@ from scipy.spatial import cKDTree
 from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import COINCIDENT, FACETS, MeshSource, RawMesh, _geo, _mesh_file
 from ruptfx.bodies.meshes._cut import Facets, places
-from ruptfx.input.schema import NAME, CasePath, Name, OwnJsonSchema, Part
+from ruptfx.input.schema import NAME, CasePath, Name, OwnJsonSchema, Part, Unit
 from ruptfx.input.units import Positive
 
+OBLIQUE = 0.1  # least cosine of the angle between the normal of a facet and the one in the case
 FLAT = 1e-6  # of the extent: largest range of the third coordinate of a plane mesh
 
 OneOrMore = Annotated[
@@ -60,6 +61,8 @@ class Sides(Part):
     """Body or bodies on the other side."""
     matching: bool = True
     """True if the nodes of both sides coincide; else the interface needs `[faults.NAME.sliding]`."""
+    normal: Annotated[list[float], Field(min_length=2, max_length=3), Unit("1")] | None = None
+    """Direction from minus to plus of an interface with the same body on both sides: about that of its normal."""
 
 
 class GmshFile(MeshSource):
@@ -71,7 +74,8 @@ class GmshFile(MeshSource):
     Other named lines on the boundary of a body become edges, under the name they have in the file. Where two
     interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both.
     Where one ends on another that goes on (a branch), its last node is welded; where two cross, the halves of one need
-    two names. Quadrilaterals of nine nodes (`Mesh.ElementOrder = 2`) follow curved
+    two names. An interface may lie inside one body, which is then on both sides, with `normal`.
+    Quadrilaterals of nine nodes (`Mesh.ElementOrder = 2`) follow curved
     outlines with parabolas.
     """
 
@@ -100,10 +104,11 @@ class GmshFile(MeshSource):
 
     def build(self) -> RawMesh:
         for name, sides in self.interfaces.items():
-            if both := set(sides.plus) & set(sides.minus):
+            if sides.normal is None and (both := set(sides.plus) & set(sides.minus)):
                 raise RuptfxError(
-                    f"{self.file}: interface '{name}': the body {', '.join(sorted(both))} cannot be on both sides, "
-                    f"plus ({', '.join(sides.plus)}) and minus ({', '.join(sides.minus)}); name each in one of them"
+                    f"{self.file}: interface '{name}': the body {', '.join(sorted(both))} is on both sides, plus "
+                    f"({', '.join(sides.plus)}) and minus ({', '.join(sides.minus)}); name it in one of them, or, if "
+                    "the interface lies inside of it, say to which side it has its normal, as normal = [0.0, 1.0]"
                 )
         sides_of = {name: [*sides.plus, *sides.minus] for name, sides in self.interfaces.items()}
         read = _mesh_file.read(Path(self.file), self.trust, sides_of, self.names)
@@ -123,8 +128,10 @@ class GmshFile(MeshSource):
             """Facets by the vertices that their cells have now."""
             return np.take_along_axis(cut_cells[cell], places(cells[cell], facets), axis=1)
 
+        faults = {name: named.pop(name) for name in self.interfaces}
         for name, sides in self.interfaces.items():
-            raw.interfaces[name] = self._interface(raw, name, sides, named.pop(name), found[name], on)
+            crossed = np.array([vertex for other in faults if other != name for vertex in np.unique(faults[other])])
+            raw.interfaces[name] = self._interface(raw, name, sides, faults[name], found[name], on, crossed)
         for name, facets in named.items():
             if self._is_edge(raw, name, found[name], facets):
                 raw.edges[name] = on(facets, found[name][:, 0])
@@ -148,14 +155,20 @@ class GmshFile(MeshSource):
         return [axis for axis in range(points.shape[1]) if points.shape[1] == dim or axis != flat[-1]]
 
     def _interface(
-        self, raw: RawMesh, name: str, sides: Sides, facets: np.ndarray, cells: np.ndarray, on: Any
+        self, raw: RawMesh, name: str, sides: Sides, facets: np.ndarray, cells: np.ndarray, on: Any, crossed: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return facets of both sides, in the same order vertex by vertex if they match."""
-        side_of = np.zeros(len(raw.bodies) + 1, dtype=int)  # the last: no body
-        side_of[[raw.bodies.index(body) for body in sides.plus]] = 1
-        side_of[[raw.bodies.index(body) for body in sides.minus]] = -1
-        body = np.where(cells >= 0, raw.cell_body[cells], -1)
-        side = side_of[body]
+        """Return facets of both sides, in the same order vertex by vertex if they match.
+
+        `crossed` are the vertices of other interfaces.
+        """
+        body = np.where(cells >= 0, raw.cell_body[cells], -1)  # the last: no body
+        may_be = np.zeros((2, len(raw.bodies) + 1), dtype=int)
+        may_be[0, [raw.bodies.index(body) for body in sides.plus]] = 1
+        may_be[1, [raw.bodies.index(body) for body in sides.minus]] = 1
+        side = may_be[0, body] - may_be[1, body]
+        if sides.normal is not None:
+            above = self._is_above(raw, name, sides.normal, facets, cells)
+            side = np.where(above, may_be[0, body], -may_be[1, body])
         between = side[:, 0] * side[:, 1] == -1
         alone = (side[:, 0] != 0) & (cells[:, 1] < 0)
         if not np.all(between | alone):
@@ -175,6 +188,8 @@ class GmshFile(MeshSource):
                 f"{self.file}: interface '{name}' is one facet wide at {_place(raw, plus[bad])} and does not open "
                 "there; refine the mesh along it"
             )
+        if sides.normal is not None:
+            self._check_continues(raw, name, facets[between], (plus, minus), crossed)
         own_plus, own_minus = (on(facets[alone & which], cells[alone & which, 0]) for which in (first, ~first))
         _check_sides(self.file, name, len(plus) + len(own_plus), len(minus) + len(own_minus))
         if not sides.matching:
@@ -182,6 +197,44 @@ class GmshFile(MeshSource):
         elif alone.any() or not len(facets):
             own_minus = _partners(self.file, name, raw.points, own_plus, own_minus)
         return np.concatenate([plus, own_plus]), np.concatenate([minus, own_minus])
+
+    def _is_above(
+        self, raw: RawMesh, name: str, normal: list[float], facets: np.ndarray, cells: np.ndarray
+    ) -> np.ndarray:
+        """Return whether the cells beside facets are on the side that the normal points to, shape (facets, 2)."""
+        dim = raw.points.shape[1]
+        if len(normal) != dim or not np.any(normal):
+            raise RuptfxError(
+                f"{self.file}: mesh.interfaces.{name}.normal = {normal}: must have {dim} components, not all zero"
+            )
+        corners = raw.points[facets]
+        along = corners[:, 1] - corners[:, 0]
+        across = np.cross(along, corners[:, 2] - corners[:, 0]) if dim == 3 else along @ np.array([[0, 1], [-1, 0]])
+        cosine = across @ np.array(normal) / (np.linalg.norm(across, axis=1) * np.linalg.norm(normal))
+        if np.any(np.abs(cosine) < OBLIQUE):
+            bad = int(np.argmin(np.abs(cosine)))
+            direction = ", ".join(f"{x:.3g}" for x in across[bad] / np.linalg.norm(across[bad]))
+            raise RuptfxError(
+                f"{self.file}: interface '{name}' at {_place(raw, facets[bad])} has the normal ({direction}) or its "
+                f"opposite, at a right angle to mesh.interfaces.{name}.normal = {normal}; choose another direction, or "
+                "name the part with it as an interface of its own"
+            )
+        toward = raw.points[raw.cells[cells]].mean(axis=2) - corners.mean(axis=1)[:, None]
+        return np.einsum("fci,fi->fc", toward, across * np.sign(cosine)[:, None]) > 0
+
+    def _check_continues(
+        self, raw: RawMesh, name: str, facets: np.ndarray, sides: tuple[np.ndarray, np.ndarray], crossed: np.ndarray
+    ) -> None:
+        """Refuse an interface inside a body that branches, or that turns its plus side over at a vertex."""
+        for side in sides:
+            vertex, count = np.unique(np.unique(np.stack([facets, side], axis=-1).reshape(-1, 2), axis=0)[:, 0],
+                                      return_counts=True)  # fmt: skip
+            bad = np.setdiff1d(vertex[count > 1], crossed)
+            if len(bad):
+                raise RuptfxError(
+                    f"{self.file}: interface '{name}' branches at {_place(raw, bad[:1])}, or its side of "
+                    f"mesh.interfaces.{name}.normal changes there; give its parts own names, with a normal each"
+                )
 
     def _is_edge(self, raw: RawMesh, name: str, cells: np.ndarray, facets: np.ndarray) -> bool:
         """Return whether a name belongs to facets on the boundary of a body; refuse a mixture."""

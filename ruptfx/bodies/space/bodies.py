@@ -105,7 +105,9 @@ class Bodies:
             If there is no such edge; the message lists the names.
         """
         if edge not in self.edges:
-            raise RuptfxError(f"{key} = '{edge}': no such edge, {nearest(edge, self.edges)}")
+            number = next((name for name in self.edges if name.isdecimal()), "")
+            hint = f'; in [mesh], names = {{ "{edge}" = {number} }} gives a name to group {number}' if number else ""
+            raise RuptfxError(f"{key} = '{edge}': no such edge, {nearest(edge, self.edges)}{hint}")
         return self.tags[edge]
 
 
