@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -151,6 +152,19 @@ def test_nodes_of_the_ground_fail_each_by_itself() -> None:
         for node in nodes[:, 0]:
             alone = ground._answer(fields, np.where(nodes == node, moved, 0.0))[0]["damage"]
             assert alone[node] == found[node]
+
+
+def test_a_step_may_damage_the_ground_by_a_tenth() -> None:
+    """Half of the largest error for a node whose damage grows by 0.05, whatever it was."""
+    model = Model(attached("foundation"))
+    (ground,), state = model.attachments, model.initial_state()
+    assert isinstance(ground, Ground)
+    damage = ground.of(state)["damage"]
+    damage[:] = 0.3
+    after = damage + 0.02
+    after[:1] += 0.03
+    reaction: Any = SimpleNamespace(fields={"damage": after})
+    assert ground.step_error(state, reaction) == pytest.approx(0.5 if len(damage) else 0.0)
 
 
 @every_attachment

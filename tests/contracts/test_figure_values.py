@@ -452,3 +452,17 @@ def test_guides(
     for x, y in (line.get_data() for line in axes.lines if len(line.get_xdata()) == 2):
         drawn.append(y[0] if y[0] == y[1] else (y[1] - y[0]) / (x[1] - x[0]))
     assert sorted(drawn) == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_rose_has_the_length_of_facets_by_their_direction(records: Callable[[str], Record]) -> None:
+    """40 facets each of 10 mm along 0 and 90 degrees and of sqrt(2) times that along 45; at both ends."""
+    record = records("broken")
+    axes = plots.FIGURES["emission"](record, field="rose")
+    unit = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}[axes.get_xlabel()[-3:-1].strip("(")]
+    lengths = np.zeros(36)
+    for bar in axes.patches:
+        lengths[round(np.degrees(bar.get_x()) / 10)] += bar.get_height() * unit
+        assert bar.get_width() == pytest.approx(np.radians(10))
+    expected = np.zeros(18)
+    expected[[0, 9, 4]] = np.array([1.0, 1.0, np.sqrt(2)]) * 40 * 10e-3
+    np.testing.assert_allclose(lengths, [*expected, *expected], atol=1e-9)

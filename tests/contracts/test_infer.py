@@ -24,7 +24,9 @@ import tomli_w
 import xarray
 from helpers.messages import facts
 from helpers.small_cases import merged, slip_weakening, strike_slip
+from typer.testing import CliRunner
 
+from ruptfx.app.cli import app
 from ruptfx.app.commands.infer import _note
 from ruptfx.case import Case, parse_case, read_case
 from ruptfx.input.schema import CaseError
@@ -617,8 +619,8 @@ def test_the_figure_names_a_prior_only_where_there_is_one(sigma: float) -> None:
     assert names == [*(["prior"] if sigma else []), "case", "recovered"]
 
 
-def test_figures_show_the_numbers_of_the_result() -> None:
-    """A field in MPa at positions in any order, a number over that of the case, traces by the largest amplitude."""
+def by_hand() -> Result:
+    """A field at three positions, two numbers and two traces; twice the misfit is four and three times the data."""
     x = np.array([2e3, 0.0, 1e3])
     start, best = np.array([70e6, 71e6, 72e6]), np.array([75e6, 74e6, 79e6])
     field = Recovered(SHEAR, "Pa", "points", x, start, best, np.array([start - 1e6, start + 2e6]), False,
@@ -630,7 +632,26 @@ def test_figures_show_the_numbers_of_the_result() -> None:
     fits = [Fit(name, times, times * size, times * 2, times * 3) for name, size in (("one", 4e3), ("two", 1e3))]
     runs: Any = [SimpleNamespace(misfit=misfit) for misfit in (8.0, 99.0, 6.0)]
     samples = {each.key: np.linspace(0.01, 0.05, 41) ** power for each, power in ((D_c, 1), (other, 2))}
-    made = Result(SimpleNamespace(), [field, D_c, other], runs, [0, 2], 4, "", fits, samples)  # type: ignore[arg-type]
+    case: Any = SimpleNamespace(unknowns=[SimpleNamespace(bounds=None)] * 3)
+    return Result(case, [field, D_c, other], runs, [0, 2], 4, "converged", fits, samples)
+
+
+def test_the_command_prints_the_numbers_of_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Means of fields, their range and half the mean width of their intervals; numbers with both ends."""
+    monkeypatch.setattr(inversion, "infer", lambda *_, **__: by_hand())
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(slip_weakening()))
+    done = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["infer", str(tmp_path / "case.toml")])
+    lines = [" ".join(line.split()) for line in done.output.splitlines()]
+    assert "misfit 8 -> 6 (3 times that of noise); 1 iterations, 3 runs, converged" in lines
+    assert f"{SHEAR} 7.1e+07 7.4e+07 to 7.9e+07 ± 4e+06 on average Pa" in lines
+    assert "faults.main.friction.D_c 0.04 0.03 0.02 to 0.05 m" in lines
+
+
+def test_figures_show_the_numbers_of_the_result() -> None:
+    """A field in MPa at positions in any order, a number over that of the case, traces by the largest amplitude."""
+    made = by_hand()
+    fits, samples = made.fits, {each.key: made.samples[each.key] for each in made.unknowns[1:]}
+    D_c, other = made.unknowns[1:]
     traces, of_field, numbers, misfit = draw(made).axes
     for row, fit in enumerate(fits):
         for line, values in zip(traces.lines[3 * row :], (fit.start, fit.data, fit.best), strict=False):

@@ -73,6 +73,14 @@ def test_pictures_show_the_values_of_the_run(record):
         image = movies.film(record, what).image(row)
         assert np.nanmax(image) == pytest.approx(expected.max(), rel=0.02)
         assert np.nanmin(image) == pytest.approx(expected.min(), rel=0.02, abs=1e-3)
+    # Dark field, sin^2(pi N), with N = fringe times 9.5 mm over 22.6 kN/m, at every seventh point.
+    film = movies.film(record, "fringes")
+    light = np.sin(np.pi * bulk["fringe"].values[row] * 9.5e-3 / 22.6e3) ** 2
+    image, (left, right, bottom, top) = film.image(row), film.extent
+    x, y = 1e3 * bulk["points"].values[::7].T
+    rows = np.clip((y - bottom) / (top - bottom) * image.shape[0], 0, image.shape[0] - 1).astype(int)
+    columns = np.clip((x - left) / (right - left) * image.shape[1], 0, image.shape[1] - 1).astype(int)
+    assert np.abs(image[rows, columns] - light[::7]).max() < 0.2 and np.ptp(light) > 0.9
 
 
 def test_speed_has_both_components(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,9 @@ def test_the_fastest_facet_yields_or_slides_under_pressure() -> None:
         fields["damage"][0], fields["time_of_failure"][0], fields["normal_traction"][0] = damage, failed, traction
         found[damage, failed, traction] = facets.fastest(state)
     assert [*found.values()] == pytest.approx([0.0, 5.0, 4.0, 0.0])
+    grown = fields["damage"] + np.linspace(0, 0.05, len(fields["damage"]))[:, None]
+    reaction: Any = SimpleNamespace(fields={"damage": grown})
+    assert facets.step_error(state, reaction) == pytest.approx(0.5)  # a tenth is allowed
 
 
 def test_equilibrium_alone_ends_where_the_brittle_joint_fails() -> None:
