@@ -17,6 +17,8 @@ from helpers.messages import facts
 from ruptfx import RuptfxError, read_case, simulate
 from ruptfx.case import parse_case
 from ruptfx.readings.filter import low_pass
+from ruptfx.readings.instruments.model_readings import ModelReadings
+from ruptfx.readings.instruments.strain_gauge import StrainGauge
 from ruptfx.results.record import Record
 from ruptfx.run.model import Model
 from ruptfx.run.recording.sampling import Samples
@@ -110,6 +112,22 @@ def test_a_gauge_averages_over_its_length() -> None:
     point = [found["point"][f"strain_{label}"] for label in ("xx", "yy", "xy")]
     # A length l smooths a wave of wave number k by 1 - (k l)^2 / 24 = 0.974 along x or y.
     np.testing.assert_allclose(tensor, point, atol=0.05 * AMPLITUDE * K)
+
+
+@pytest.mark.parametrize("length", [None, 1e-3])
+def test_a_rosette_has_the_tensor_of_a_uniform_strain(length: float | None) -> None:
+    """u = (x + 4 y, -x - 2 y) 1e-6: xx = 1e-6, yy = -2e-6, xy = 1.5e-6; an extension is n (e n)."""
+    model = Model(case({"order": 2}))
+    angles, strain = [0.2, 1.1, 2.5], np.array([[1.0, 1.5], [1.5, -2.0]]) * 1e-6
+    gauge = StrainGauge(name="rosette", interval=1e-6, point=[5.3e-3, 2.2e-3], angles=angles, length=length)
+    field = (model.coordinates @ (np.array([[1.0, 4.0], [-1.0, -2.0]]) * 1e-6).T).ravel()
+    readings = ModelReadings(model, lambda points: np.zeros((len(points), 3)))
+    found = {channel.name: sum(float(share.weights @ field[share.places]) for share in channel.shares)
+             for channel in gauge.channels(readings, "instruments.0")}  # fmt: skip
+    directions = [np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
+    expected = {f"extension_{number}": n @ strain @ n for number, n in enumerate(directions, 1)}
+    expected |= {"strain_xx": 1e-6, "strain_yy": -2e-6, "strain_xy": 1.5e-6}
+    assert found == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_free_edge_carries_nothing() -> None:
