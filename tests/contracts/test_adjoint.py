@@ -25,6 +25,7 @@ from benchmarks.time_order import CONTACTS, LAWS
 from ruptfx import RuptfxError, gradient
 from ruptfx.many_runs.adjoint.bodies import value_of
 from ruptfx.many_runs.adjoint.checkpoints import passed, schedule, split
+from ruptfx.many_runs.adjoint.comparison import disagree
 from ruptfx.many_runs.adjoint.figure import draw
 from ruptfx.many_runs.adjoint.gradients import Objective
 from ruptfx.many_runs.adjoint.sweeps import Sweeps
@@ -671,3 +672,7 @@ def test_a_gradient_by_a_nucleation_in_three_dimensions() -> None:
     values = [Objective(case, case.objective, record=False, model=perturbed(model, {}, {(0, 0): sign * change})).value
               for sign in (1, -1)]  # fmt: skip
     assert float(exact.values @ change) == pytest.approx(0.5 * (values[0] - values[1]), rel=1e-3)
+
+
+def test_derivatives_that_differ_by_more_than_a_percent_disagree() -> None:
+    assert disagree(1.0, 1.02) and disagree(-2.0, 2.0) and not disagree(1.0, 1.009) and not disagree(0.0, 0.0)

@@ -374,3 +374,25 @@ def test_an_energy_that_is_positive_at_some_points_only_is_refused(tmp_path: Pat
     with pytest.raises(CaseError, match=facts(r"materials\.\w+: some strain .* -5e\+08 Pa .* 2.5e\+09 Pa")):
         Model(layered_rock(tmp_path, text, along_x([0.5e9, 1.5e9])))
     Model(layered_rock(tmp_path, text, along_x([0.2e9, 0.8e9])))
+
+
+def test_stiffer_orthotropic_bodies_keep_the_strain_across_a_stress() -> None:
+    """The compliances of springs are taken from 1 / E_1, 1 / E_2 and 1 / G_12 alone."""
+    body = OrthotropicElastic(
+        E_1=4.0, E_2=2.0, E_3=1.5, nu_12=0.3, nu_23=0.4, nu_13=0.25, G_12=0.8, G_13=0.7, G_23=0.5, density=1.0
+    )
+
+    def springs(modulus: float) -> float:
+        return 0.01 / modulus
+
+    less = np.zeros((6, 6))
+    less[[0, 1, 5], [0, 1, 5]] = body._of_springs(springs)
+    assert less[0, 0] > 0
+    stiffer = body.stiffened("strain", springs)
+    np.testing.assert_allclose(stiffer._compliance(), body._compliance() - less, rtol=1e-12, atol=1e-15)
+    for plane in ("stress", "strain"):
+        exact = IsotropicElastic(young_modulus=4.0, poisson_ratio=0.3, density=1.0)
+        lame, shear = exact.lame(plane)
+        lame_2, shear_2 = exact.stiffened(plane, springs).lame(plane)
+        assert 0.5 / shear - 0.5 / shear_2 == pytest.approx(0.0025)
+        assert 0.5 / (lame + shear) - 0.5 / (lame_2 + shear_2) == pytest.approx(0.0025)

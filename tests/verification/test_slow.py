@@ -20,6 +20,7 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import says
 
+from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
 from ruptfx.platform.fem import MPI
 from ruptfx.results import plots
@@ -139,6 +140,23 @@ def test_steps_follow_the_state() -> None:
         np.testing.assert_allclose(rate, 10 * V, rtol=0.02)
         steps.append(state.step)
     assert steps[0] > 1.5 * steps[1] and steps[0] > 17
+
+
+def test_steps_without_numbers_of_the_case_are_those_of_the_documentation() -> None:
+    """Slip of a fiftieth of D_c in a step, first one at the 1.02 um/s of the top, a hundredth of 300 s at most; of
+    quasi-dynamic steps a hundredth of D_c at the 1 um/s of the interface."""
+    case = parse_case(slider(K_C))
+    motion = case.stepper.bind(model := Model(case))
+    assert motion.slip_tolerance == pytest.approx(D_C / 50)
+    assert motion.dt == pytest.approx(D_C / 50 / (1.02 * V), rel=3e-3)  # three digits
+    assert (motion._greatest, motion._smallest) == pytest.approx((3.0, 0.1 * stable_time_step(model)))
+    case = parse_case(slider(K_C, {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.6}}))
+    # Without a length: a fiftieth of the slip that relaxes a hundredth of the normal stress over 0.1 m.
+    tolerance = 0.02 * 0.01 * 0.1 * SIGMA / (K_C * HEIGHT)
+    assert case.stepper.bind(Model(case)).slip_tolerance == pytest.approx(tolerance)
+    case = parse_case(slider(K_C, {"stepper": {"kind": "quasi_dynamic"}}))
+    motion = case.stepper.bind(Model(case))
+    assert motion.dt == pytest.approx(0.01 * D_C / V, rel=0.02) and motion._greatest == 3.0
 
 
 def test_the_error_of_the_strength_is_half_of_a_change_by_the_rates() -> None:
