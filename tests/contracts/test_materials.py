@@ -350,9 +350,8 @@ PLUG_IN = Path(__file__).parents[2] / "demos" / "plugins" / "materials" / "trans
 def layered_rock(folder: Path, text: str, changes: dict[str, Any]) -> Any:
     (folder / "rock.py").write_text(text)
     rock = {"kind": "transversely_isotropic", "density": 2000.0, "A": 1e9, "C": 1e9, "F": 0.5e9, "L": 1e9, "N": 0.25e9}
-    return parse_case(
-        plates({"plane": "strain", "materials.default": {**rock, **changes}}) | {"plugins": ["rock.py"]}, folder
-    )
+    table = {"plane": "strain", "operator": "ufl_form", "materials.default": {**rock, **changes}}
+    return parse_case(plates(table) | {"plugins": ["rock.py"]}, folder)
 
 
 def test_an_energy_that_is_not_positive_is_refused_before_the_first_step(tmp_path: Path) -> None:
