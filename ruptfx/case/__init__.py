@@ -167,8 +167,7 @@ class KelvinVoigt(Part):
 class Damping(Part):
     """Damping of the bodies."""
 
-    waves: ClassVar[bool] = True
-    """True, because damping acts on motion and needs a stepper with inertia (`Stepper.inertia`)."""
+    needs: ClassVar[frozenset[str]] = frozenset({"inertia"})
 
     mass: Rate = 0.0
     """Force per mass and velocity."""

@@ -1,8 +1,9 @@
 """Compatibility of the parts of a case: parts declare capabilities, this module refuses other combinations.
 
-Declarations are class attributes: `Stepper.time_schemes`, `ContactMethod.implicit`, `Boundary.waves` and so on. A rule
-compares the declarations of two or three parts. The remedies of a message are changes of the same case that break no
-rule: they are found by trying them.
+Parts declare what they need of a stepper and what they offer (`Part.needs`, `Alternative.offers`); the rows of `RULES`
+say which features of a case need which capability, and which exclude each other. Other rules compare declarations of
+two or three parts, such as `ContactMethod.implicit`. The remedies of a message are changes of the same case that break
+no rule: they are found by trying them.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from functools import partial
 from itertools import combinations
 from typing import cast
 
-from ruptfx.bodies.boundaries import Boundary
 from ruptfx.input.schema import Alternative, CaseError, Part, alternatives
 from ruptfx.interfaces.attachments import Attachment
 from ruptfx.interfaces.cracks import Fracture
@@ -172,6 +172,89 @@ def _changed(choices: Choices, changes: Iterable[Change]) -> Choices:
     return choices
 
 
+# -- features --------------------------------------------------------------------------------------
+
+
+def keys_of(choices: Choices, feature: str) -> Keys:
+    """Return the keys of a case that have a feature: that bear its name, or whose parts need the capability."""
+    return tuple(key for key, cls in choices.items() if feature in _features(key, cls))
+
+
+def _features(key: str, cls: type[Part]) -> frozenset[str]:
+    """Return the features of a key and its part."""
+    first, *others = key.split(".")
+    if first == "faults":
+        return cls.needs | {others[-1]}
+    if first == "materials" and len(others) == 2:
+        return frozenset({"profiles"})
+    return cls.needs | ({first} if not others or first in ("materials", "attachments") else set())
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: a feature of a case, and what it needs or what it cannot be beside.
+
+    Attributes
+    ----------
+    feature : str
+    reason : str
+        ``{stepper}`` stands for the kind of the stepper, ``{other}`` for the key of the other feature.
+    beside : str, optional
+        Feature that no case has together with this one; without it, the feature is a capability of the stepper.
+    unless : str, optional
+        Feature with which another row refuses the case.
+    of_one_fault : bool
+        Whether both features exclude each other on the same interface only.
+    in_implicit : bool
+        Whether both exclude each other in implicit steps only.
+    needs : str, optional
+        Capability of the stepper; default is the name of the feature.
+    shown : str, optional
+        Feature, or ``stepper``, whose keys the message names; default is the feature.
+    swap, drop : tuple of str
+        Features, or ``stepper``, of which another kind may help, or the removal.
+    hint : str
+        Remedy where neither helps.
+    """
+
+    feature: str
+    reason: str
+    beside: str = ""
+    unless: str = ""
+    of_one_fault: bool = False
+    in_implicit: bool = False
+    needs: str = ""
+    shown: str = ""
+    swap: Keys = ()
+    drop: Keys = ()
+    hint: str = ""
+
+    def __call__(self, choices: Choices) -> Iterator[Refusal]:
+        """Yield what a case breaks."""
+        stepper, keys = _stepper(choices), keys_of(choices, self.feature)
+        if self.unless in choices:
+            return
+        if self.of_one_fault:
+            for key in keys:
+                fault = key.rpartition(".")[0] + "."
+                if fault + self.beside in choices:
+                    yield self._refusal({name: cls for name, cls in choices.items() if name.startswith(fault)}, stepper)
+        elif self.beside:
+            if keys and keys_of(choices, self.beside) and (not self.in_implicit or "implicit" in stepper.time_schemes):
+                yield self._refusal(choices, stepper)
+        elif keys and (self.needs or self.feature) not in stepper.offers:
+            yield self._refusal(choices, stepper)
+
+    def _refusal(self, choices: Choices, stepper: type[Stepper]) -> Refusal:
+        def groups(features: Keys) -> tuple[Keys, ...]:
+            return tuple(keys_of(choices, feature) for feature in features)
+
+        other = next(iter(keys_of(choices, self.beside)), "")
+        reason = self.reason.format(stepper=f"stepper.kind = '{stepper.kind()}'", other=other)
+        (shown,) = groups((self.shown or self.feature,))
+        return Refusal(shown, reason, groups(self.swap), groups(self.drop), self.hint)
+
+
 # -- rules -----------------------------------------------------------------------------------------
 
 
@@ -185,9 +268,8 @@ def _stepper(choices: Choices) -> type[Stepper]:
     return cast(type[Stepper], choices["stepper"])
 
 
-def overrides(cls: type, base: type, name: str) -> bool:
-    """Return whether a class has a method of its own in place of that of the contract."""
-    return getattr(cls, name) is not getattr(base, name)
+def _fracture(choices: Choices) -> type[Fracture] | None:
+    return cast("type[Fracture] | None", choices.get("fracture"))
 
 
 def _contact(
@@ -207,13 +289,12 @@ def _contact(
 
 def _replaced(method: type[ContactMethod]) -> bool:
     """Return whether steps of another kind take another method for the same contact."""
-    return overrides(method, ContactMethod, "in_steps")
+    return "methods for other steps" in method.offers
 
 
 def _alone(method: type[ContactMethod]) -> bool:
     """Return whether an explicit method cannot be used where neighbouring points depend on each other."""
-    sweeps = method.traction_ends_slip or overrides(method, ContactMethod, "sweeps_to")
-    return method.explicit and not (sweeps or _replaced(method))
+    return method.explicit and not (method.traction_ends_slip or "sweeps" in method.offers or _replaced(method))
 
 
 def _cannot(way: str, name: str, method: type[ContactMethod]) -> bool:
@@ -224,134 +305,75 @@ def _contact_in_steps(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
     for way in stepper.time_schemes:
         yield from _contact(choices, partial(_cannot, way), f"not for {way} steps")
-    if not stepper.multipliers:
+    if "multipliers" not in stepper.offers:
         yield from _contact(
-            choices, lambda _, method: overrides(method, ContactMethod, "multiplier_tolerance") or (
-                _replaced(method) and not method.implicit),
+            choices,
+            lambda _, method: "multipliers" in method.offers or (_replaced(method) and not method.implicit),
             f"stepper.kind = '{stepper.kind()}' has no outer iterations",
-        )  # fmt: skip
-    if stepper.elastic_contact_only:
+        )
+    if "rigid contact" not in stepper.offers:
         yield from _contact(
-            choices, lambda _, method: not overrides(method, ContactMethod, "stiffness"),
+            choices, lambda _, method: "stiffness" not in method.offers,
             f"stepper.kind = '{stepper.kind()}' takes contact with a stiffness only",
         )  # fmt: skip
 
 
-def _sliding(choices: Choices) -> Iterator[Refusal]:
-    stepper, sliding = _stepper(choices), _faults(choices, "sliding")
-    keys = tuple(f"faults.{name}.sliding" for name in sliding)
-    if sliding and not stepper.sliding:
-        yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
-    if "explicit" in stepper.time_schemes:
+def _sliding_contact(choices: Choices) -> Iterator[Refusal]:
+    sliding = _faults(choices, "sliding")
+    if "explicit" in _stepper(choices).time_schemes:
         reason = "on an interface that slides neighbouring points depend on each other"
         yield from _contact(choices, lambda name, method: name in sliding and _alone(method), reason)
-    for name in sliding:
-        if (gap := f"faults.{name}.gap") in choices:
-            yield Refusal((gap,), "surfaces that slide have the distance that they have in the mesh", drop=((gap,),))
-
-
-def _cohesion(choices: Choices) -> Iterator[Refusal]:
-    names, stepper = _faults(choices, "cohesion"), _stepper(choices)
-    keys = tuple(f"faults.{name}.cohesion" for name in names)
-    if keys and not stepper.cohesion:
-        yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
-    for name in names:
-        key, gap = f"faults.{name}.cohesion", f"faults.{name}.gap"
-        if gap in choices:
-            yield Refusal((key,), f"an interface with {gap} has no cohesion", drop=((key,), (gap,)))
-
-
-def _gap(choices: Choices) -> Iterator[Refusal]:
-    stepper = _stepper(choices)
-    keys = tuple(f"faults.{name}.gap" for name in _faults(choices, "gap"))
-    if keys and not stepper.gap:
-        reason = f"the interfaces of stepper.kind = '{stepper.kind()}' stay closed"
-        yield Refusal(keys, reason, (("stepper",),), (keys,))
-
-
-def _boundaries(choices: Choices) -> Iterator[Refusal]:
-    stepper = _stepper(choices)
-    ties = tuple(
-        key for key, cls in choices.items() if issubclass(cls, Boundary) and overrides(cls, Boundary, "tied_edges")
-    )
-    if ties and not stepper.supports_ties:
-        yield Refusal(ties, f"stepper.kind = '{stepper.kind()}' cannot tie nodes", (("stepper",),), (ties,))
-    if ties and "fracture" in choices:
-        yield Refusal(ties, "bodies that break cannot be tied", drop=(ties,))
-    waves = tuple(key for key, cls in choices.items() if getattr(cls, "waves", False))
-    if waves and not stepper.inertia:
-        yield Refusal(
-            waves, f"without effect, for stepper.kind = '{stepper.kind()}' has no waves", (("stepper",),), (waves,)
-        )
-
-
-def _bodies(choices: Choices) -> Iterator[Refusal]:
-    stepper = _stepper(choices)
-    if "stages" in choices and not stepper.staged:
-        yield Refusal(("stepper",), "its steps take no stages", (("stepper",),), (("stages",),))
-    way = choices.get("fracture")
-    if way is not None and not stepper.fracture:
-        yield Refusal(("stepper",), "bodies do not break in its steps", (("stepper",),))
-    elif way is not None and "implicit" in stepper.time_schemes:
-        kind = cast(type[Fracture], way).kind()
-        if not cast(type[Fracture], way).implicit:
-            reason = f"fracture.kind = '{kind}' inserts facets in explicit steps only"
-            yield Refusal(("stepper",), reason, (("stepper",), ("fracture",)))
-        if "collisions" in choices:
-            yield Refusal(("stepper",), "collisions act in explicit steps only", (("stepper",),), (("collisions",),))
-    large = "large_rotations"
-    if large in choices and not stepper.large_rotations:
-        reason = f"stepper.kind = '{stepper.kind()}' is for small rotations"
-        yield Refusal((large,), reason, (("stepper",),), ((large,),))
-    sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
-    if way is not None and sliding:
-        yield Refusal(sliding, "with [fracture] interfaces join the facets that they begin with", drop=(sliding,))
-    if way is not None and cast(type[Fracture], way).rigid:
-        kind = cast(type[Fracture], way).kind()
-        if "explicit" in stepper.time_schemes:
-            reason = f"beside facets of fracture.kind = '{kind}' neighbouring points depend on each other"
-            yield from _contact(choices, lambda _, method: _alone(method), reason, ("fracture",))
-        if large in choices and "collisions" not in choices:
-            reason = f"pieces of fracture.kind = '{kind}' that turn far apart meet by collision contact, [collisions]"
-            yield Refusal((large,), reason, (("fracture",),), ((large,),))
 
 
 def _attachments(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
-    keys = tuple(key for key in choices if key.startswith("attachments."))
-    if keys and not stepper.attachments:
-        reason = (
-            "its forces change with the motion of the bodies, and those of stepper.kind = "
-            f"'{stepper.kind()}' have a constant stiffness (springs that do not fail are the boundary 'spring')"
-        )
-        yield Refusal(keys, reason, (("stepper",),), (keys,))
-        return
+    keys = keys_of(choices, "attachments") if "attachments" in stepper.offers else ()
     for key in keys:
-        attachment = cast(type[Attachment], choices[key])
+        attachment, reason = cast(type[Attachment], choices[key]), ""
         if "implicit" in stepper.time_schemes and not attachment.implicit:
-            yield Refusal((key,), f"acts in explicit steps only, stepper.kind = '{stepper.kind()}' has others",
-                          (("stepper",),), ((key,),))  # fmt: skip
-        elif stepper.inertia and attachment.inertia and not stepper.newmark:
-            yield Refusal((key,), f"has masses, which the schemes of stepper.kind = '{stepper.kind()}' do not advance",
-                          (("stepper",),), ((key,),))  # fmt: skip
-        elif not stepper.inertia and attachment.inertia:
-            yield Refusal((key,), f"has no effect without inertia, as in stepper.kind = '{stepper.kind()}'",
-                          (("stepper",),), ((key,),))  # fmt: skip
-    sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
-    if keys and sliding and "implicit" in stepper.time_schemes:
+            reason = "acts in explicit steps only, {} has others"
+        elif attachment.inertia and "inertia" not in stepper.offers:
+            reason = "has no effect without inertia, as in {}"
+        elif attachment.inertia and "newmark" not in stepper.offers:
+            reason = "has masses, which the schemes of {} do not advance"
+        if reason:
+            yield Refusal((key,), reason.format(f"stepper.kind = '{stepper.kind()}'"), (("stepper",),), ((key,),))
+    if keys and (sliding := keys_of(choices, "sliding")) and "implicit" in stepper.time_schemes:
         reason = "implicit steps of sliding contact are solved at the interfaces alone"
         yield Refusal(keys, reason, (("stepper",),), (keys, sliding))
+
+
+def _implicit_facets(choices: Choices) -> Iterator[Refusal]:
+    stepper, way = _stepper(choices), _fracture(choices)
+    if way is None or "fracture" not in stepper.offers or "implicit" not in stepper.time_schemes:
+        return
+    if not way.implicit:
+        reason = f"fracture.kind = '{way.kind()}' inserts facets in explicit steps only"
+        yield Refusal(("stepper",), reason, (("stepper",), ("fracture",)))
+    if "collisions" in choices:
+        yield Refusal(("stepper",), "collisions act in explicit steps only", (("stepper",),), (("collisions",),))
+
+
+def _rigid_facets(choices: Choices) -> Iterator[Refusal]:
+    way, large = _fracture(choices), "large_rotations"
+    if way is None or not way.rigid:
+        return
+    if "explicit" in _stepper(choices).time_schemes:
+        reason = f"beside facets of fracture.kind = '{way.kind()}' neighbouring points depend on each other"
+        yield from _contact(choices, lambda _, method: _alone(method), reason, ("fracture",))
+    if large in choices and "collisions" not in choices:
+        reason = f"pieces of fracture.kind = '{way.kind()}' that turn far apart meet by collision contact, [collisions]"
+        yield Refusal((large,), reason, (("fracture",),), ((large,),))
 
 
 def _planes(choices: Choices) -> Iterator[Refusal]:
     key = next((key for key in choices if key.startswith(PLANE)), None)
     if key is None:
         return
-    plane, way = key.removeprefix(PLANE), choices.get("fracture")
-    if way is not None and plane not in cast(type[Fracture], way).planes:
-        planes = cast(type[Fracture], way).planes
-        hint = f"use plane = {_listed([repr(plane) for plane in planes], 'or')}"
-        yield Refusal((key,), f"bodies break in {_in_words_of(planes)} only", hint=hint)
+    plane, way = key.removeprefix(PLANE), _fracture(choices)
+    if way is not None and plane not in way.planes:
+        hint = f"use plane = {_listed([repr(plane) for plane in way.planes], 'or')}"
+        yield Refusal((key,), f"bodies break in {_in_words_of(way.planes)} only", hint=hint)
     if "large_rotations" in choices and plane not in IN_PLANE:
         yield Refusal(("large_rotations", key), f"in {_in_words_of(IN_PLANE)} only", drop=(("large_rotations",),))
     sliding = tuple(f"faults.{name}.sliding" for name, cls in _faults(choices, "sliding").items()
@@ -365,82 +387,62 @@ def _in_words_of(planes: Sequence[str]) -> str:
 
 
 def _materials(choices: Choices) -> Iterator[Refusal]:
-    way = choices.get("fracture")
-    if way is None or not cast(type[Fracture], way).isotropic:
+    way = _fracture(choices)
+    if way is None or not way.isotropic:
         return
-    kind = cast(type[Fracture], way).kind()
-    for key, cls in _of_bodies(choices).items():
-        if not cls.isotropic:
-            yield Refusal((key,), f"fracture.kind = '{kind}' breaks isotropic bodies", ((key,),))
+    for key in keys_of(choices, "materials"):
+        if not cast(type[Material], choices[key]).isotropic:
+            yield Refusal((key,), f"fracture.kind = '{way.kind()}' breaks isotropic bodies", ((key,),))
 
 
-def _of_bodies(choices: Choices) -> dict[str, type[Material]]:
-    """Return the classes of the materials by key."""
-    return {
-        key: cast(type[Material], cls) for key, cls in choices.items()
-        if key.startswith("materials.") and key.count(".") == 1
-    }  # fmt: skip
-
-
-def _varying(choices: Choices) -> Iterator[Refusal]:
-    keys = tuple(key for key in choices if key.startswith("materials.") and key.count(".") == 2)
-    if keys and "fracture" in choices:
-        yield Refusal(keys, "materials are uniform in bodies that break", hint="give a number")
-
-
-def _memory(choices: Choices) -> Iterator[Refusal]:
-    stepper = _stepper(choices)
-    materials = _of_bodies(choices)
-    keys = tuple(key for key, cls in materials.items() if cls.has_memory())
-    if not keys:
-        return
-    if not stepper.memory:
-        yield Refusal(keys, f"stepper.kind = '{stepper.kind()}' takes no materials with memory", (("stepper",), keys))
-    sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
-    if sliding and "implicit" in stepper.time_schemes:
-        reason = "implicit steps of sliding contact need bodies whose stiffness is constant"
-        yield Refusal(keys, reason, (("stepper",), keys), (sliding,))
-    if "fracture" in choices:
-        yield Refusal(keys, "bodies that break have no memory", (keys,))
-    elif "large_rotations" in choices:
-        yield Refusal(keys, "a material with memory is for small rotations", (keys,), (("large_rotations",),))
+def _memory_in_planes(choices: Choices) -> Iterator[Refusal]:
     plane = next((key.removeprefix(PLANE) for key in choices if key.startswith(PLANE)), None)
-    wrong = tuple(key for key in keys if plane is not None and plane not in materials[key].planes())
+    planes = {key: cast(type[Material], choices[key]).planes() for key in keys_of(choices, "memory")}
+    wrong = tuple(key for key, known in planes.items() if plane is not None and plane not in known)
     if wrong:
-        known = _listed([repr(each) for each in materials[wrong[0]].planes()], "and")
+        known = _listed([repr(each) for each in planes[wrong[0]]], "and")
         yield Refusal(wrong, f"works with plane = {known} only, not '{plane}'", (wrong,))
 
 
-def _objective(choices: Choices) -> Iterator[Refusal]:
-    """Yield refusals of what the sweeps of `ruptfx.many_runs.adjoint` do not contain, in a case with an objective."""
-    if "objective" not in choices:
-        return
-    stepper, whole = _stepper(choices), ("objective",)
-    if not stepper.adjoint:
-        reason = "its steps have no adjoint, which objective needs and a study with sampling = 'cma_es' does not"
-        yield Refusal(("stepper",), reason, (("stepper",),), (whole,))
-    reason = "has no adjoint, which objective needs"
-    for field in ("sliding", "cohesion"):
-        if keys := tuple(f"faults.{name}.{field}" for name in _faults(choices, field)):
-            yield Refusal(keys, reason, drop=(keys, whole))
-    for key in ("stages", "large_rotations", "fracture", "collisions"):
-        if key in choices:
-            yield Refusal((key,), reason, drop=((key,), whole))
-    ties = tuple(
-        key for key, cls in choices.items() if issubclass(cls, Boundary) and overrides(cls, Boundary, "tied_edges")
-    )
-    attached = tuple(key for key in choices if key.startswith("attachments."))
-    for keys in filter(None, (ties, attached)):
-        yield Refusal(keys, reason, drop=(keys, whole))
-    bodies = {key: cast(type[Material], cls) for key, cls in choices.items() if key.startswith("materials.")}
-    if keys := tuple(key for key, cls in bodies.items() if cls.has_memory()):
-        yield Refusal(keys, reason, (keys,), (whole,))
-
-
+NOT_FOR, NO_ADJOINT, BY_STEPPER = "not for {stepper}", "has no adjoint, which objective needs", ("stepper",)
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
-    _contact_in_steps, _sliding, _cohesion, _gap, _boundaries, _attachments, _bodies, _planes, _materials, _varying,
-    _memory, _objective,
+    _contact_in_steps,
+    Row("sliding", NOT_FOR, swap=BY_STEPPER, drop=("sliding",)),
+    _sliding_contact,
+    Row("gap", "surfaces that slide have the distance that they have in the mesh", beside="sliding",
+        of_one_fault=True, drop=("gap",)),
+    Row("cohesion", NOT_FOR, swap=BY_STEPPER, drop=("cohesion",)),
+    Row("cohesion", "an interface with {other} has no cohesion", beside="gap", of_one_fault=True,
+        drop=("cohesion", "gap")),
+    Row("gap", "the interfaces of {stepper} stay closed", swap=BY_STEPPER, drop=("gap",)),
+    Row("ties", "{stepper} cannot tie nodes", swap=BY_STEPPER, drop=("ties",)),
+    Row("ties", "bodies that break cannot be tied", beside="fracture", drop=("ties",)),
+    Row("inertia", "without effect, for {stepper} has no waves", swap=BY_STEPPER, drop=("inertia",)),
+    Row("attachments", "its forces change with the motion of the bodies, and those of {stepper} have a constant "
+        "stiffness (springs that do not fail are the boundary 'spring')", swap=BY_STEPPER, drop=("attachments",)),
+    _attachments,
+    Row("stages", "its steps take no stages", shown="stepper", swap=BY_STEPPER, drop=("stages",)),
+    Row("fracture", "bodies do not break in its steps", shown="stepper", swap=BY_STEPPER),
+    _implicit_facets,
+    Row("large_rotations", "{stepper} is for small rotations", swap=BY_STEPPER, drop=("large_rotations",)),
+    Row("sliding", "with [fracture] interfaces join the facets that they begin with", beside="fracture",
+        drop=("sliding",)),
+    _rigid_facets, _planes, _materials,
+    Row("profiles", "materials are uniform in bodies that break", beside="fracture", hint="give a number"),
+    Row("memory", "{stepper} takes no materials with memory", swap=("stepper", "memory")),
+    Row("memory", "implicit steps of sliding contact need bodies whose stiffness is constant", beside="sliding",
+        in_implicit=True, swap=("stepper", "memory"), drop=("sliding",)),
+    Row("memory", "bodies that break have no memory", beside="fracture", swap=("memory",)),
+    Row("memory", "a material with memory is for small rotations", beside="large_rotations", unless="fracture",
+        swap=("memory",), drop=("large_rotations",)),
+    _memory_in_planes,
+    Row("objective", "its steps have no adjoint, which objective needs and a study with sampling = 'cma_es' does not",
+        needs="adjoint", shown="stepper", swap=BY_STEPPER, drop=("objective",)),
+    *(Row(feature, NO_ADJOINT, beside="objective", drop=(feature, "objective")) for feature in (
+        "sliding", "cohesion", "stages", "large_rotations", "fracture", "collisions", "ties", "attachments")),
+    Row("memory", NO_ADJOINT, beside="objective", swap=("memory",), drop=("objective",)),
 )  # fmt: skip
+"""The table of features and capabilities, with rules for what two or three parts say of each other."""
 
 
 # -- words -----------------------------------------------------------------------------------------

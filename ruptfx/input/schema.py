@@ -297,6 +297,8 @@ class Part(BaseModel, metaclass=_Reworded):
 
     former_keys: ClassVar[Mapping[str, str]] = {}
     """Keys by their names in the last version."""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    """Capabilities that the stepper of a case must offer to this part."""
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -433,9 +435,19 @@ class Alternative(Part):
     """Kinds of the class in the last version."""
     former_attributes: ClassVar[Mapping[str, str]] = {}
     """Methods and class attributes of the contract by their names in the last version, which plug-ins may still use."""
+    offers: ClassVar[frozenset[str]] = frozenset()
+    """Capabilities of the class, which other parts of a case need."""
+    offers_with: ClassVar[Mapping[str, str]] = {}
+    """Optional methods of the contract, and the capability that a class offers by writing one."""
+    needs_with: ClassVar[Mapping[str, str]] = {}
+    """Optional methods and flags of the contract, and the capability that a class needs by writing or setting one."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        # The contract itself writes every method: its own maps hold for the classes below it.
+        above, written = super(cls, cls), _written(cls)
+        cls.offers |= {capability for name, capability in above.offers_with.items() if name in written}
+        cls.needs |= {capability for name, capability in above.needs_with.items() if name in written}
         for former, name in cls.former_attributes.items():
             if former in vars(cls) and name not in vars(cls):
                 warn_of_former(f"of {cls.__name__} the attribute", former, name)
@@ -454,6 +466,12 @@ class Alternative(Part):
     @model_serializer(mode="wrap")
     def _with_kind(self, handler: Any) -> dict[str, object]:  # not Table, which a profile is called, too
         return {"kind": self.kind(), **handler(self)}
+
+
+def _written(cls: type[Part]) -> set[str]:
+    """Return the names in the body of a class and of classes without a kind that it mixes in; flags that are set."""
+    bodies = [base for base in cls.__mro__ if base is cls or not issubclass(base, Part)]
+    return {name for base in bodies for name, value in vars(base).items() if value is not False}
 
 
 plugged: ContextVar[Mapping[str, Mapping[str, type]]] = ContextVar("plugged", default={})  # noqa: B039

@@ -16,10 +16,8 @@ from helpers.messages import facts
 from ruptfx.app.check_law.examples import table
 from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case
-from ruptfx.case.support import overrides
 from ruptfx.input.fields import ENERGIES
 from ruptfx.input.schema import CaseError, alternatives
-from ruptfx.laws.contact import ContactMethod
 from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
@@ -32,7 +30,7 @@ METHODS = {kind: cls for kind, cls in alternatives("ruptfx.laws.contact").items(
 every_method = pytest.mark.parametrize("contact", [springs(kind, 5e12) for kind in METHODS], ids=METHODS)
 every_implicit_method = pytest.mark.parametrize("contact", [
     pytest.param(springs(kind, 5e12), id=kind) for kind, cls in METHODS.items()
-    if cls.implicit or overrides(cls, ContactMethod, "in_steps")
+    if cls.implicit or "methods for other steps" in cls.offers
 ])  # fmt: skip
 CONSERVING = {"kind": "generalized_alpha", "scheme": "average_acceleration"}
 

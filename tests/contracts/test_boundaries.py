@@ -50,7 +50,7 @@ def takes(stepper: str, kind: str) -> bool:
     """Return whether the steps can have the boundary: those that keep ties, and those with waves."""
     ties = with_boundary(kind).boundaries[-1].tied_edges is not None
     steps = alternatives("ruptfx.stepping.steppers")[stepper]
-    return (not ties or steps.supports_ties) and (not BOUNDARIES[kind].waves or steps.inertia)
+    return (not ties or "ties" in steps.offers) and (not BOUNDARIES[kind].waves or "inertia" in steps.offers)
 
 
 def with_steps(*steppers: dict[str, Any]) -> Any:

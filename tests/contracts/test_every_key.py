@@ -105,7 +105,7 @@ def base(plane: str, stepper: str) -> dict[str, Any]:
         boundaries.append({**boundaries[1], "edge": f"{lower}.bottom", "component": "y"})
     if plane == "solid":
         boundaries.append({**boundaries[1], "edge": f"{lower}.back", "component": "z"})
-    if steps.inertia:
+    if "inertia" in steps.offers:
         boundaries.append({"kind": "absorbing", "edge": f"{lower}.right"})
     given = {
         "plane": plane, "order": 1, "duration": 3e-6, "mesh": PLATES, "materials": {"default": HOMALITE},
@@ -113,7 +113,7 @@ def base(plane: str, stepper: str) -> dict[str, Any]:
             "contact": COMPLIANT, "friction": AGEING, "initial_stress": {"normal": 6e6, "shear": 3.59e6},
             "nucleation": [{"kind": "overstress", "extra": 1e4}],
         }},
-        "boundaries": boundaries, "damping": {"mass": 1e4, "kelvin_voigt": {}} if steps.inertia else {},
+        "boundaries": boundaries, "damping": {"mass": 1e4, "kelvin_voigt": {}} if "inertia" in steps.offers else {},
         "stepper": {"kind": stepper, **required(stepper), **OF_STEPPERS.get(stepper, {})},
         "output": {"figures": False, "rupture_threshold": 1e-5},
     }  # fmt: skip

@@ -178,3 +178,11 @@ def test_a_new_mechanism_takes_part_in_steps(monkeypatch: pytest.MonkeyPatch) ->
     momentum, without = (float(mass_of @ each.velocity[::2]) for each in (state, alone))
     assert plain.dt == motion.dt and MASS * abs(mass.speed[0]) > 1e-3 * abs(without)
     assert momentum + MASS * mass.speed[0] == pytest.approx(without, rel=1e-12)
+
+
+def test_nothing_asks_whether_a_method_was_overridden() -> None:
+    """Classes declare what they offer (`Alternative.offers`), and mechanisms the contracts that they keep."""
+    question = re.compile(r"(type\(\w+\)|\bcls)\.\w+ is (not )?[A-Z]\w*\.\w+|getattr\(\w+, \w+\) is (not )?getattr")
+    package = Path(leapfrog.__file__).parents[2]
+    asked = [path.name for path in package.rglob("*.py") if question.search(path.read_text(encoding="utf-8"))]
+    assert asked == []

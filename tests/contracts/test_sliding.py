@@ -20,12 +20,10 @@ from ruptfx.bodies.operators.ufl_form import UflForm
 from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.bodies.state import FaultState
 from ruptfx.case import Case, parse_case
-from ruptfx.case.support import overrides
 from ruptfx.input.schema import alternatives
 from ruptfx.interfaces.mechanisms.sliding import SlidingFaults
 from ruptfx.interfaces.mechanisms.stepped_nodes import masses_and_dashpots
 from ruptfx.interfaces.sliding.interface import SlidingInterface
-from ruptfx.laws.contact import ContactMethod
 from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
@@ -33,14 +31,14 @@ pytestmark = pytest.mark.fem
 # Methods that slide by themselves: with equal springs, or with sweeps to round-off.
 CONTACTS: dict[str, dict[str, Any]] = {}
 for kind, cls in alternatives("ruptfx.laws.contact").items():
-    sweeps = {"tolerance": 1e-12, "sweeps": 100} if overrides(cls, ContactMethod, "sweeps_to") else {}
+    sweeps = {"tolerance": 1e-12, "sweeps": 100} if "sweeps" in cls.offers else {}
     if cls.explicit and (cls.traction_ends_slip or sweeps):
         CONTACTS[kind] = {**springs(kind, 3e11), **sweeps}
 every_contact = pytest.mark.parametrize("contact", CONTACTS)
 
 
 def is_elastic(contact: str) -> bool:
-    return overrides(alternatives("ruptfx.laws.contact")[contact], ContactMethod, "stiffness")
+    return "stiffness" in alternatives("ruptfx.laws.contact")[contact].offers
 
 
 def test_contact_of_both_kinds_slides() -> None:

@@ -18,7 +18,7 @@ from ruptfx.app.check_law.examples import table, tables
 from ruptfx.app.cli import app
 from ruptfx.app.reference.support_table import columns, features, judge
 from ruptfx.case import parse_case
-from ruptfx.case.support import Change, UnsupportedError, overrides, refusals_of, remedies
+from ruptfx.case.support import Change, UnsupportedError, refusals_of, remedies
 from ruptfx.input.schema import Alternative, CaseError, alternatives, package_of, set_key
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.laws.contact import ContactMethod
@@ -271,7 +271,7 @@ def elastic(stepper: str) -> set[str]:
     """Return the contact methods with a stiffness that the steps can use."""
     ways = STEPPERS[stepper].time_schemes
     return {kind for kind, cls in METHODS.items()
-            if overrides(cls, ContactMethod, "stiffness") and all(getattr(cls, way) for way in ways)}  # fmt: skip
+            if "stiffness" in cls.offers and all(getattr(cls, way) for way in ways)}  # fmt: skip
 
 
 @pytest.mark.parametrize("stepper", ["petsc_ts", "quasi_dynamic"])
@@ -304,7 +304,7 @@ BARE = {"faults": {}, "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies":
     "plate": {"kind": "rectangle", "center": [0.0, 0.0], "width": 4e-3, "height": 2e-3}}}}  # fmt: skip
 
 
-@pytest.mark.parametrize("stepper", [kind for kind, cls in STEPPERS.items() if not cls.inertia])
+@pytest.mark.parametrize("stepper", [kind for kind, cls in STEPPERS.items() if "inertia" not in cls.offers])
 @pytest.mark.parametrize("key, changes", [
     ("boundaries.3.kind", {"boundaries": [*SMALL["boundaries"], ABSORBS]}),
     ("boundaries.3.kind", {"boundaries": [*SMALL["boundaries"], WAVE]}),

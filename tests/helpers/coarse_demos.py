@@ -83,11 +83,11 @@ def _short(case: Case, model: Model) -> Table:
     table = case.table()
     stepper = case.stepper
     step = case.stepper.bind(model).dt
-    if type(stepper).inertia and table["stepper"]["kind"] != "hybrid":
+    if "inertia" in stepper.offers and table["stepper"]["kind"] != "hybrid":
         duration = min(case.duration, STEPS * step)
     else:
         duration = min(case.duration, FEW * step)
-    if type(stepper).inertia and "time_step" in type(stepper).model_fields:
+    if "inertia" in stepper.offers and "time_step" in type(stepper).model_fields:
         table["stepper"]["time_step"] = step  # a rounded number, which would not scale
         # So is the step of which the viscosity of the layers is a fraction.
         for damping in [table["damping"], *(s.get("damping", {}) for s in table.get("stages", []))]:

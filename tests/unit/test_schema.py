@@ -137,6 +137,47 @@ def test_former_kinds_are_read_with_a_note(former: str, kind: str) -> None:
         assert parse_case(block({"fracture.kind": kind})).hash == case.hash
 
 
+def test_former_flags_of_steppers_are_read_with_a_note() -> None:
+    from ruptfx.stepping.steppers import Stepper
+
+    with pytest.warns(FormerName) as noted:
+
+        class OfThePastVersion(Stepper):
+            keeps_ties, sliding, elastic_contact_only = True, False, True
+
+    assert OfThePastVersion.offers == (Stepper.offers | {"ties"}) - {"sliding", "rigid contact"}
+    assert sorted(str(each.message).split("'")[1] for each in noted) == [
+        "elastic_contact_only", "keeps_ties", "sliding",
+    ]  # fmt: skip
+    assert Stepper.offers >= {"sliding", "rigid contact"}
+
+
+def test_a_class_offers_and_needs_what_it_writes() -> None:
+    """The contract offers nothing by its own methods; a class and those below it what it writes or mixes in."""
+    from ruptfx.bodies.boundaries import Boundary
+    from ruptfx.laws.contact import ContactMethod
+
+    class Springs:
+        def stiffness(self) -> tuple[float, float]:
+            return 1.0, 1.0
+
+    class Mixed(Springs, ContactMethod):
+        pass
+
+    class Swept(Mixed):
+        def sweeps_to(self) -> tuple[float, int]:
+            return 1e-6, 3
+
+    class Rings(Boundary):
+        waves = True
+
+    class Damps(Boundary):
+        waves = False
+
+    assert not ContactMethod.offers and Mixed.offers == {"stiffness"} and Swept.offers == {"stiffness", "sweeps"}
+    assert not Boundary.needs and Rings.needs == {"inertia"} and not Damps.needs
+
+
 def test_former_attributes_of_plug_ins_are_read_with_a_note() -> None:
     with pytest.warns(FormerName, match=facts("'left'.*'remaining_fraction'")):
 

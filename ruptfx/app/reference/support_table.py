@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import cast, get_args
 
-from ruptfx.bodies.boundaries import Boundary
 from ruptfx.case import Case, Damping, FaultCase, support
 from ruptfx.input.schema import Alternative, Part, alternatives, package_of
 from ruptfx.interfaces.sliding import Sliding
@@ -20,7 +19,6 @@ from ruptfx.laws.cohesion.linear import Linear
 from ruptfx.laws.contact.compliant import Compliant
 from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.laws.materials import Plane
-from ruptfx.laws.nucleation import Nucleation
 from ruptfx.stepping.steppers.leapfrog import Leapfrog
 
 FAULT = "faults.main."
@@ -130,10 +128,10 @@ def features() -> Iterator[Feature]:
         _of_fault("gap", "gap", FaultCase),
     )  # fmt: skip
     for kind, weakening in alternatives("ruptfx.laws.nucleation").items():
-        if support.overrides(weakening, Nucleation, "weaken"):
+        if "weakening" in weakening.offers:
             yield _of_fault(f"nucleation {kind}", "nucleation.0", weakening)
     for kind, boundary in alternatives("ruptfx.bodies.boundaries").items():
-        if support.overrides(boundary, Boundary, "tied_edges") or getattr(boundary, "waves", False):
+        if boundary.needs:
             yield _alone(f"boundary {kind}", "boundaries.0", boundary)
     yield _alone("mass damping", "damping.mass", Damping)
     yield _of_fault("Kelvin-Voigt damping", "damping.kelvin_voigt", Damping, whole=True)

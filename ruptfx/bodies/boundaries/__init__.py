@@ -110,8 +110,9 @@ class Boundary(Alternative):
     """Entry of a case of two plates in plane stress, each 12 mm long and 4 mm high."""
     source: ClassVar[str] = ""
     """Publication of the method."""
+    needs_with: ClassVar[dict[str, str]] = {"tied_edges": "ties", "waves": "inertia"}
     waves: ClassVar[bool] = False
-    """Whether it acts on waves only, and needs a stepper that computes them (`Stepper.inertia`)."""
+    """Whether it acts on waves only, and needs a stepper that computes them."""
     acts: ClassVar[bool] = True
     """Whether it adds anything to the equation of motion."""
     amounts: ClassVar[tuple[str, ...]] = ()

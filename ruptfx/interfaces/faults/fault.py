@@ -85,7 +85,7 @@ class Fault:
     @property
     def is_loaded(self) -> bool:
         """True if a nucleation adds shear traction."""
-        return any(type(item).shear_traction is not Nucleation.shear_traction for item in self.nucleation)
+        return any("loading" in item.offers for item in self.nucleation)
 
     def load(self, time: float) -> np.ndarray:
         """Return the shear traction that nucleations add [Pa], shape (n, tangents)."""

@@ -76,8 +76,8 @@ class StepperTable(Protocol):
         """Kinds of its steps."""
 
     @property
-    def inertia(self) -> bool:
-        """True if it solves the equation of motion."""
+    def offers(self) -> frozenset[str]:
+        """Capabilities, as `ruptfx.stepping.steppers.Stepper.offers`."""
 
     @property
     def adaptive(self) -> bool:

@@ -83,6 +83,10 @@ class ContactMethod(Alternative):
     shear traction by `impedance` / since, equally for all tangents, and nothing else may depend on the displacement.
     """
 
+    offers_with: ClassVar[dict[str, str]] = {
+        "sweeps_to": "sweeps", "multiplier_tolerance": "multipliers", "in_steps": "methods for other steps",
+        "stiffness": "stiffness",
+    }  # fmt: skip
     explicit: ClassVar[bool] = True
     """Whether explicit steps can use the trial."""
     traction_ends_slip: ClassVar[bool] = False

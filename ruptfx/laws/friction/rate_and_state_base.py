@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ruptfx.input.units import VaryingCoefficient, VaryingExponent, VaryingLength, VaryingSpeed, VaryingTime
@@ -102,6 +104,7 @@ class RateAndState(Creeping):
 
     state_fields = {"theta": "s"}
 
+    offers_with: ClassVar[dict[str, str]] = {"age_rate": "age"}
     theta_initial: VaryingTime | None = None
     """Initial age [s]; without it, the age that carries the initial shear stress at the initial slip rate."""
 

@@ -82,6 +82,8 @@ class Material(Alternative):
     snapshots show of its state.
     """
 
+    needs_with: ClassVar[dict[str, str]] = {"stress": "memory"}
+    offers_with: ClassVar[dict[str, str]] = {"stored": "stored energy", "wave_speeds": "wave speeds"}
     isotropic: ClassVar[bool] = False
     """Whether its elastic energy is isotropic and linear, given by Young's modulus and Poisson's ratio."""
     linear: ClassVar[bool] = False
@@ -178,7 +180,7 @@ class Material(Alternative):
     @classmethod
     def has_memory(cls) -> bool:
         """Return whether the stress depends on more than the present strain."""
-        return cls.stress is not Material.stress
+        return "memory" in cls.needs
 
     @classmethod
     def planes(cls) -> tuple[Plane, ...]:
@@ -305,8 +307,9 @@ class Material(Alternative):
             Unit vectors: the direction along the interface, its normal, and in 3D the one across both.
         plane : str
         """
-        own = type(self).wave_speeds is not Material.wave_speeds  # of isotropic bodies, and of plug-ins
-        return self.wave_speeds(plane) if own else self._wave_speeds_in(frame, plane)
+        if "wave speeds" in self.offers:  # of isotropic bodies, and of plug-ins
+            return self.wave_speeds(plane)
+        return self._wave_speeds_in(frame, plane)
 
     def _wave_speeds_in(self, frame: np.ndarray, plane: Plane) -> WaveSpeeds:
         """Return fastest and slowest plane wave along the first direction, and the wave along the free surface.

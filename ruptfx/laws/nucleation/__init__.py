@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from operator import itemgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from ruptfx.laws.friction import FrictionLaw
 
 class Nucleation(Alternative):
     """Contract of a nucleation."""
+
+    offers_with: ClassVar[dict[str, str]] = {"weaken": "weakening", "shear_traction": "loading"}
 
     def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:
         """Return the shear traction [Pa] added along the first tangent, in 3D along the rake of the initial stress.

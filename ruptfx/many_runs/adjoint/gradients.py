@@ -454,7 +454,7 @@ def refuse(model: Model) -> None:
     CaseError
     """
     case = model.case
-    if not case.stepper.adjoint:
+    if "adjoint" not in case.stepper.offers:
         raise CaseError(f"stepper.kind = '{case.stepper.kind()}': has no adjoint; use 'leapfrog'")
     if not model.faults:
         raise CaseError(

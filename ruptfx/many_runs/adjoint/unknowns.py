@@ -186,7 +186,7 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
     rows = tuple((f"shear_traction_0_{k}", part) for k, part in enumerate(directions))
     yield Place(f"{key}.initial_stress.shear", "Pa", number, rows)
     yield Place(f"{key}.initial_stress.normal", "Pa", number, (("normal_stress_0", 1.0),))
-    wrapped = [each for each in fault.nucleation if type(each).weaken is not Nucleation.weaken]
+    wrapped = [each for each in fault.nucleation if "weakening" in each.offers]
     law: FrictionLaw = fault.friction
     prefix = "p_"
     for weakening in reversed(wrapped):  # the last one is outside

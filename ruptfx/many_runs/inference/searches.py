@@ -19,7 +19,7 @@ from ruptfx.input.schema import CaseError
 if TYPE_CHECKING:
     from ruptfx.case import Case
     from ruptfx.many_runs.inference.variables import Variable
-    from ruptfx.readings.misfits import Inference, Misfit
+    from ruptfx.readings.misfits import Inference
 
 Floats = NDArray[np.float64]
 Found = tuple[str, Floats | None]
@@ -87,7 +87,7 @@ def check(method: str, case: Case, variables: Sequence[Variable]) -> None:
     """
     if method == "gauss_newton":
         for number, term in enumerate(case.objective):
-            if not _squares(term):
+            if "squares" not in term.offers:
                 raise CaseError(
                     f"objective.{number}.kind = '{term.kind()}': is no sum of squares, which inference.method = "
                     "'gauss_newton' needs; use method = 'l_bfgs'"
@@ -106,12 +106,6 @@ def check(method: str, case: Case, variables: Sequence[Variable]) -> None:
             raise CaseError(
                 f"inference.population = {given}: an ensemble of {n} variables needs at least {2 * n} walkers"
             )
-
-
-def _squares(term: Misfit) -> bool:
-    from ruptfx.readings.misfits import Misfit
-
-    return type(term).residuals is not Misfit.residuals
 
 
 def _library(method: str) -> object:

@@ -204,7 +204,7 @@ class ModelReadings:
             model.operator.add_internal_force(ones, force)
             model.layout.sum_shared(force)
             shares = [_share("displacement", -force * owned)]
-            if model.case.stepper.inertia:
+            if "inertia" in model.case.stepper.offers:
                 shares.append(_share("acceleration", model.mass * ones * owned))
             if model.memory_laws:
                 shares.append(_share("inelastic_force", -ones))  # every rank has the forces of its own elements

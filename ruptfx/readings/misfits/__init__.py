@@ -108,6 +108,7 @@ class Misfit(Alternative):
     named `fault` at 5.3 mm."""
     unit: ClassVar[str] = "1"
     """Unit of the value; terms of one objective have the same."""
+    offers_with: ClassVar[dict[str, str]] = {"residuals": "squares"}
     parameters: ClassVar[dict[str, str]] = {}
     """Fields of the term that change its readings and may be unknowns, with their units."""
 

@@ -6,8 +6,9 @@ another.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Protocol, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, cast
 
+from ruptfx.input.former_names import warn_of_former
 from ruptfx.input.schema import Alternative, alternative
 from ruptfx.laws.contact import Way
 
@@ -82,8 +83,29 @@ class StagedMotion(Motion, Protocol):
 class Stepper(Alternative):
     """The contract of a time stepper."""
 
-    former_attributes: ClassVar[dict[str, str]] = {"ways": "time_schemes", "keeps_ties": "supports_ties"}
+    former_attributes: ClassVar[dict[str, str]] = {"ways": "time_schemes"}
+    former_flags: ClassVar[dict[str, str]] = {
+        "keeps_ties": "ties", "supports_ties": "ties", "staged": "stages", "elastic_contact_only": "rigid contact",
+        **{name: name for name in ("inertia", "sliding", "cohesion", "gap", "fracture", "large_rotations",
+                                   "attachments", "adjoint", "newmark", "memory", "multipliers")},
+    }  # fmt: skip
+    """Flags of the last version, which plug-ins may still set, and the capability of each in `offers`."""
 
+    offers: ClassVar[frozenset[str]] = frozenset(
+        {"inertia", "sliding", "cohesion", "gap", "newmark", "multipliers", "rigid contact"}
+    )
+    """What cases may have, as `ruptfx.case.support` compares it with their parts; a class adds and removes:
+
+    * ``inertia``: it solves the equation of motion; with equilibrium only, parts that act on waves have no effect;
+    * ``sliding``, ``cohesion``, ``gap``: interfaces that slide, have cohesion, or are open at the start;
+    * ``ties``: tied nodes have the same motion;
+    * ``stages``: it is bound again for each stage of loading, to a `StagedMotion`;
+    * ``fracture``, ``large_rotations``, ``memory``: bodies that break, turn by any angle, or have memory;
+    * ``attachments``: its steps ask mechanisms for their forces; ``newmark``: implicit steps with inertia follow
+      Newmark's rules, with which attachments advance their masses;
+    * ``adjoint``: its steps have an adjoint, so that an objective may be differentiated;
+    * ``multipliers``: contact may use multipliers of outer iterations; ``rigid contact``: it needs no stiffness.
+    """
     time_schemes: ClassVar[tuple[Way, ...]] = ("explicit",)
     """How interface tractions are computed: from known quantities (explicit), or together with the displacement
     (implicit). The contact method must support all of them."""
@@ -96,36 +118,18 @@ class Stepper(Alternative):
     and steps that resolve the loading."""
     why_open: ClassVar[str] = ""
     """Reason for a bound that is larger than rounding and the tolerances of solvers."""
-    supports_ties: ClassVar[bool] = False
-    """Whether it gives tied nodes the same motion."""
-    inertia: ClassVar[bool] = True
-    """Whether it solves the equation of motion; with equilibrium only, parts with `waves` have no effect."""
     adaptive: ClassVar[bool] = False
     """Whether its steps vary."""
-    staged: ClassVar[bool] = False
-    """Whether loading may have stages: it is bound again for each of them, to a `StagedMotion`."""
-    sliding: ClassVar[bool] = True
-    """Whether interfaces may slide (`sliding`)."""
-    cohesion: ClassVar[bool] = True
-    """Whether interfaces may have cohesion."""
-    gap: ClassVar[bool] = True
-    """Whether interfaces may be open at the start."""
-    fracture: ClassVar[bool] = False
-    """Whether bodies may break."""
-    large_rotations: ClassVar[bool] = False
-    """Whether bodies may turn by any angle."""
-    attachments: ClassVar[bool] = False
-    """Whether its steps ask mechanisms for their forces, so that masses and springs may be attached to the bodies."""
-    adjoint: ClassVar[bool] = False
-    """Whether its steps have an adjoint (`ruptfx.many_runs.adjoint`), so that an objective may be differentiated."""
-    newmark: ClassVar[bool] = True
-    """Whether implicit steps with inertia follow Newmark's rules, with which attachments advance their masses."""
-    memory: ClassVar[bool] = False
-    """Whether its steps advance materials with memory."""
-    multipliers: ClassVar[bool] = True
-    """Whether the contact method may use multipliers of outer iterations."""
-    elastic_contact_only: ClassVar[bool] = False
-    """Whether the contact method must have a stiffness."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for flag, capability in cls.former_flags.items():
+            if isinstance(vars(cls).get(flag), bool):
+                offered = vars(cls)[flag] != (flag == "elastic_contact_only")
+                now = f"Stepper.offers {'|' if offered else '-'} {{'{capability}'}}"
+                warn_of_former(f"of {cls.__name__} the flag", flag, now)
+                cls.__annotations__[flag] = ClassVar[bool]  # no field, as pydantic would say of it
+                cls.offers = cls.offers | {capability} if offered else cls.offers - {capability}
 
     def fixed(self, model: System) -> Self:
         """Return the stepper with the step that it chooses for a model, for use with another model."""

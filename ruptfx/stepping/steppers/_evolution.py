@@ -133,5 +133,4 @@ def evolution_of(model: System, fault: Fault) -> Evolution:
 
 def has_age(law: FrictionLaw) -> bool:
     """Return whether the only state of a law is an age, of which it knows the rate."""
-    known = isinstance(law, RateAndState) and type(law).age_rate is not RateAndState.age_rate
-    return known and set(law.state_fields) == {"theta"} and "law" not in type(law).model_fields
+    return "age" in law.offers and set(law.state_fields) == {"theta"} and "law" not in type(law).model_fields

@@ -43,13 +43,9 @@ class GeneralizedAlpha(Stepper):
 
     time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
     conserving: ClassVar[dict[str, object] | None] = {"scheme": "average_acceleration"}
-    supports_ties: ClassVar[bool] = True
+    offers = Stepper.offers | {"ties", "stages", "fracture", "attachments", "memory"}
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "the default scheme damps what its steps do not resolve"
-    staged: ClassVar[bool] = True
-    fracture: ClassVar[bool] = True
-    attachments: ClassVar[bool] = True
-    memory: ClassVar[bool] = True
 
     scheme: SchemeName = "generalized_alpha"
     """Member of the family."""

@@ -43,14 +43,10 @@ class Hybrid(Stepper):
     """
 
     time_schemes: ClassVar[tuple[Way, ...]] = ("explicit", "implicit")
-    supports_ties: ClassVar[bool] = True
+    offers = Stepper.offers | {"ties", "stages", "fracture", "attachments", "memory"}
     closure: ClassVar[float] = 1e-3
     why_open: ClassVar[str] = "explicit steps that start with slip under way balance it half a step later"
     adaptive: ClassVar[bool] = True
-    staged: ClassVar[bool] = True
-    fracture: ClassVar[bool] = True
-    attachments: ClassVar[bool] = True
-    memory: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
     """Stepper of the loading between ruptures. It enforces rigid contact by multipliers, `fast` at split

@@ -36,13 +36,7 @@ class Leapfrog(Stepper):
 
     conserving: ClassVar[dict[str, object] | None] = {}
 
-    supports_ties: ClassVar[bool] = True
-    staged: ClassVar[bool] = True
-    fracture: ClassVar[bool] = True
-    large_rotations: ClassVar[bool] = True
-    attachments: ClassVar[bool] = True
-    memory: ClassVar[bool] = True
-    adjoint: ClassVar[bool] = True
+    offers = Stepper.offers | {"ties", "stages", "fracture", "large_rotations", "attachments", "memory", "adjoint"}
 
     safety: Fraction = 0.9
     """Time step over the stable one."""

@@ -42,11 +42,7 @@ class PetscTs(Stepper):
     second_order: ClassVar[bool] = False
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "its schemes damp, and work is summed from the ends of steps"
-    sliding: ClassVar[bool] = False
-    cohesion: ClassVar[bool] = False
-    multipliers: ClassVar[bool] = False
-    attachments: ClassVar[bool] = True
-    newmark: ClassVar[bool] = False
+    offers = (Stepper.offers | {"attachments"}) - {"sliding", "cohesion", "multipliers", "newmark"}
 
     scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"
     """Family of PETSc's schemes."""

@@ -56,13 +56,8 @@ class QuasiDynamic(Stepper):
     """
 
     time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
-    supports_ties: ClassVar[bool] = True
-    inertia: ClassVar[bool] = False
+    offers = (Stepper.offers | {"ties"}) - {"inertia", "sliding", "cohesion", "gap", "rigid contact"}
     adaptive: ClassVar[bool] = True
-    sliding: ClassVar[bool] = False
-    cohesion: ClassVar[bool] = False
-    gap: ClassVar[bool] = False
-    elastic_contact_only: ClassVar[bool] = True
 
     tolerance: Fraction = 1e-4
     """Tolerance of a step: error of slip over D_c, and of ln(age) or, for other states, of the friction coefficient."""

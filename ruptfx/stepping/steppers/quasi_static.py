@@ -46,13 +46,8 @@ class QuasiStatic(Stepper):
     """
 
     time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
-    supports_ties: ClassVar[bool] = True
-    inertia: ClassVar[bool] = False
+    offers = (Stepper.offers | {"ties", "stages", "fracture", "attachments", "memory"}) - {"inertia"}
     adaptive: ClassVar[bool] = True
-    staged: ClassVar[bool] = True
-    fracture: ClassVar[bool] = True
-    attachments: ClassVar[bool] = True
-    memory: ClassVar[bool] = True
 
     first_step: Duration | None = None
     """First time step; default: the fastest edge or interface moves by the slip tolerance."""

@@ -64,14 +64,14 @@ def doubts(model: System) -> Iterator[Doubt]:
     for fault in model.faults:
         if len(fault.interface.plus):
             yield from _stress(model, fault)
-    if model.case.stepper.inertia and not model.case.stepper.adaptive:
+    if "inertia" in model.case.stepper.offers and not model.case.stepper.adaptive:
         yield from _echoes(model)
         yield from _drifts(model)
 
 
 def slow_records(model: System, label: str, zone: float, c_R: float) -> Iterator[Doubt]:
     """Warn of records further apart than the time in which a process zone passes a point."""
-    if not model.case.stepper.inertia:
+    if "inertia" not in model.case.stepper.offers:
         return
     interval = model.case.intervals["interface"]
     passing = zone / c_R
