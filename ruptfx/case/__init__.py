@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, cast
 
@@ -15,7 +14,7 @@ from ruptfx import Table
 from ruptfx.bodies.boundaries import AnyBoundary, Boundary
 from ruptfx.bodies.initial_stress import AnyBodyStress, Component, matrices
 from ruptfx.bodies.meshes import AnyMesh
-from ruptfx.case import support
+from ruptfx.case import consistency, support
 from ruptfx.input.plugins import CaseFile, active, named
 from ruptfx.input.quantities import require_units, si_and_units
 from ruptfx.input.schema import (
@@ -46,7 +45,7 @@ from ruptfx.interfaces.sliding import Sliding
 from ruptfx.laws.cohesion import AnyCohesion
 from ruptfx.laws.contact import AnyContact
 from ruptfx.laws.friction import AnyFriction
-from ruptfx.laws.materials import IN_PLANE, AnyMaterial, Material, Plane
+from ruptfx.laws.materials import AnyMaterial, Material, Plane
 from ruptfx.laws.nucleation import AnyNucleation
 from ruptfx.readings.instruments import AnyInstrument
 from ruptfx.readings.misfits import AnyMisfit, Inference, Unknown
@@ -66,8 +65,6 @@ FOLDERS = [
 
 RECORDS = {"solid": 60}
 """Interface records of a run by default where it is not 300: those of a surface are large."""
-MOST_RECORDS = 1e7
-"""Records of one kind in a run; more are a mistake, a missing unit for example."""
 
 
 class FaultCase(Part):
@@ -288,24 +285,10 @@ class Case(CaseFile):
 
     @model_validator(mode="after")
     def _consistent(self) -> Case:
-        allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}.get(self.plane, "xy")
-        checks: list[Callable[[], None]] = [
-            *(partial(boundary.check, key, self.plane, allowed) for key, boundary in self.all_boundaries()),
-            partial(self._check_attachments, allowed), partial(self._check_initial_velocity, allowed),
-            self._check_stages, partial(self._check_instruments, allowed), self._check_cameras, self._check_intervals,
-            self._check_forces, self._check_rotations, self._check_fracture, self._check_axisymmetric,
-            self._check_tensors, self._check_body_stress,
-        ]  # fmt: skip
-        problems = []
-        for check in checks:
-            try:
-                check()
-            except ValueError as error:
-                problems.append(str(error))
-        if problems:
+        if problems := consistency.problems(self):
             raise ValueError("\n".join(problems))
         support.check(self.choices(), self._shown)
-        for text in self._without_effect():
+        for text in consistency.without_effect(self):
             raise CaseError(text)
         return self
 
@@ -342,112 +325,6 @@ class Case(CaseFile):
             return f"{key}.kind = '{value.kind()}'"
         return f"{key} = {value:g}" if isinstance(value, float) else key
 
-    def _without_effect(self) -> Iterator[str]:
-        """Yield messages on keys that change nothing in the case, whatever its parts are."""
-        output, stop = self.output, self.stop_when
-        if self.plane not in IN_PLANE:
-            of_fringes = {
-                f"materials.{name}.fringe_constant": (material.fringe_constant, "N/m")
-                for name, material in self.materials.items()
-            }
-            for key, (value, unit) in {"output.plate_thickness": (output.plate_thickness, "m"), **of_fringes}.items():
-                if value is not None:
-                    yield (
-                        f"{key} = {value:g} {unit}: without effect, for fringes are of plates, and plane = "
-                        f"'{self.plane}'; remove it"
-                    )
-        yield from self._edges_named_twice()
-        if self.faults:
-            return
-        # A resolved case gives its defaults, too.
-        given = {
-            f"output.{name}": getattr(output, name) for name in ("rupture_threshold", "rupture_after")
-            if getattr(output, name) != type(output).model_fields[name].default
-        }  # fmt: skip
-        keys = [f"{key} = {value:g}" for key, value in given.items()]
-        keys += [key for key, rule in (stop.by_key() if stop is not None else {}).items() if rule.of_interfaces]
-        for key in keys:
-            yield f"{key}: without effect, for there is no interface ([faults.NAME]); remove it"
-
-    def _edges_named_twice(self) -> Iterator[str]:
-        """Yield messages on boundaries that add nothing to an edge on which another one acts."""
-        edges: dict[tuple[str, str], list[str]] = {}
-        idle = []
-        for key, boundary in self.all_boundaries():
-            edge = key.rpartition(".")[0], getattr(boundary, "edge", "")
-            edges.setdefault(edge, []).append(key)
-            if not boundary.acts:
-                idle.append((key, boundary.kind(), edge))
-        for key, kind, edge in idle:
-            others = [other for other in edges[edge] if other != key]
-            if others:
-                yield (
-                    f"{key}.kind = '{kind}': without effect, for {others[0]} acts on '{edge[1]}', too, and leaves free "
-                    "what it does not drive or load; remove this entry"
-                )
-
-    def _check_forces(self) -> None:
-        if self.output.forces_interval is not None and all(fault.sliding is None for fault in self.faults.values()):
-            raise ValueError(
-                f"output.forces_interval = {self.output.forces_interval:g} s: forces are recorded where an interface "
-                "slides; add the table [faults.NAME.sliding], or remove this key"
-            )
-
-    def _check_body_stress(self) -> None:
-        given = self.initial_stress
-        yields = [name for name, material in self.materials.items() if "initial_stress" in type(material).model_fields]
-        own = [name for name in yields if getattr(self.materials[name], "initial_stress", None) is not None]
-        if given is None:
-            for name in yields:
-                if name not in own and type(self.materials[name]).needs_initial_stress:
-                    raise ValueError(
-                        f"materials.{name}.initial_stress: missing, and yield depends on it; give it, or the stress of "
-                        "the bodies, [initial_stress]"
-                    )
-            for name, fault in self.faults.items():
-                if fault.initial_stress.of_bodies:
-                    raise ValueError(
-                        f"faults.{name}.initial_stress: missing; give normal (and shear) or tensor, or the stress of "
-                        "the bodies, [initial_stress]"
-                    )
-            return
-        if self.plane in ("antiplane", "axisymmetric"):
-            raise ValueError(
-                f"initial_stress: not for plane = '{self.plane}'; give normal and shear in faults.NAME.initial_stress"
-            )
-        given.check(self.plane)
-        for name, fault in self.faults.items():
-            if fault.initial_stress.tensor is not None:
-                raise ValueError(
-                    f"faults.{name}.initial_stress.tensor: [initial_stress] gives the stress of the bodies; remove one "
-                    "of them"
-                )
-        if own:
-            raise ValueError(
-                f"materials.{own[0]}.initial_stress: [initial_stress] gives the stress of the bodies; remove one of "
-                "them"
-            )
-        if yields and not given.has_six:
-            raise ValueError(
-                f"initial_stress.tensor: materials.{yields[0]} depends on 6 components; give xx, yy, zz, xy, yz, xz"
-            )
-        for name, material in self.materials.items():
-            if name not in yields and type(material).has_memory() and not type(material).linear:
-                raise ValueError(
-                    f"materials.{name}: '{material.kind()}' does not know an initial stress; give its class a field "
-                    "`initial_stress`, or normal and shear in faults.NAME.initial_stress in place of [initial_stress]"
-                )
-        if self.fracture is not None and given.everywhere is None:
-            raise ValueError(
-                f"initial_stress.kind = '{given.kind()}': with [fracture] the stress of the bodies is uniform; use "
-                "kind = 'uniform'"
-            )
-        for name in yields:
-            try:
-                self.stressed_materials[name].check_values() if given.everywhere is not None else None
-            except ValueError as error:
-                raise ValueError(f"materials.{name}.{error}") from None
-
     @property
     def stressed_materials(self) -> dict[str, Material]:
         """The materials, with the initial stress of the bodies where they yield and give none of their own."""
@@ -461,58 +338,6 @@ class Case(CaseFile):
             if "initial_stress" in type(material).model_fields else material
             for name, material in self.materials.items()
         }  # fmt: skip
-
-    def _check_tensors(self) -> None:
-        for name, fault in self.faults.items():
-            tensor = fault.initial_stress.tensor
-            if tensor is None:
-                continue
-            key = f"faults.{name}.initial_stress.tensor = {tensor}"
-            if self.plane == "antiplane":
-                raise ValueError(f"{key}: not in antiplane; give normal and shear")
-            if self.plane == "solid" and len(tensor) == 3:
-                xx, yy, xy = tensor
-                raise ValueError(
-                    f"{key}: plane = 'solid' needs 6 components, xx, yy, zz, xy, yz, xz; write [{xx:g}, {yy:g}, ZZ, "
-                    f"{xy:g}, YZ, XZ] with the three that are missing"
-                )
-            if self.plane != "solid" and len(tensor) == 6:
-                raise ValueError(
-                    f"{key}: plane = '{self.plane}' has 3 components, xx, yy, xy; write [{tensor[0]:g}, {tensor[1]:g}, "
-                    f"{tensor[3]:g}], or all 6 in the table [initial_stress]"
-                )
-        tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
-        first = next(iter(tensors), "")
-        for name, tensor in tensors.items():
-            if tensor != tensors[first]:
-                raise ValueError(
-                    f"faults.{name}.initial_stress.tensor = {tensor}: faults.{first} has {tensors[first]}, and the "
-                    "bodies have one uniform initial stress; give normal and shear where an interface carries another"
-                )
-
-    def _check_attachments(self, components: str) -> None:
-        seen = set[str]()
-        for number, attachment in enumerate(self.attachments):
-            attachment.check(f"attachments.{number}", self.plane, components)
-            if attachment.name in seen:
-                raise ValueError(
-                    f"attachments.{number}.name = '{attachment.name}': another attachment has that name; give each one "
-                    "of its own"
-                )
-            seen.add(attachment.name)
-
-    def _check_initial_velocity(self, components: str) -> None:
-        for name, velocity in self.initial_velocity.items():
-            if len(velocity) != len(components):
-                raise ValueError(
-                    f"initial_velocity.{name} = {velocity}: plane = '{self.plane}' moves in {', '.join(components)}; "
-                    f"give {len(components)} components"
-                )
-            if self.stepper.kind() != "leapfrog":
-                raise ValueError(
-                    f"initial_velocity.{name}: steps of stepper.kind = '{self.stepper.kind()}' begin at rest; use "
-                    "'leapfrog', or leave it out"
-                )
 
     def all_boundaries(self) -> Iterator[tuple[str, Boundary]]:
         """Yield all boundaries with their keys, also those of stages."""
@@ -528,94 +353,6 @@ class Case(CaseFile):
         for number, stage in enumerate(self.stages):
             if stage.damping is not None:
                 yield f"stages.{number}.damping", stage.damping
-
-    def _check_instruments(self, allowed: str) -> None:
-        seen = set[str]()
-        for number, instrument in enumerate(self.instruments):
-            instrument.check(f"instruments.{number}", self.plane, allowed)
-            if instrument.name in seen:
-                raise ValueError(
-                    f"instruments.{number}.name = '{instrument.name}': another instrument has that name; give each one "
-                    "of its own"
-                )
-            seen.add(instrument.name)
-
-    def _check_cameras(self) -> None:
-        seen = set[str]()
-        for number, camera in enumerate(self.cameras):
-            camera.check(f"cameras.{number}", self.plane)
-            if camera.name in seen:
-                raise ValueError(
-                    f"cameras.{number}.name = '{camera.name}': another camera has that name; give each one of its own"
-                )
-            seen.add(camera.name)
-
-    def _check_intervals(self) -> None:
-        given = {f"output.{name}_interval": getattr(self.output, f"{name}_interval") for name in self.intervals}
-        given |= {f"instruments.{number}.interval": each.interval for number, each in enumerate(self.instruments)}
-        for key, interval in given.items():
-            if interval is not None and self.duration / interval > MOST_RECORDS:
-                raise ValueError(
-                    f"{key} = {interval:g} s: {self.duration / interval:.3g} records in duration = "
-                    f"{self.duration:g} s, and at most {MOST_RECORDS:g} are made; "
-                    f"give at least {1.01 * self.duration / MOST_RECORDS:.3g} s"
-                )
-
-    def _check_stages(self) -> None:
-        if not self.stages:
-            return
-        together = sum(stage.duration for stage in self.stages)
-        if abs(together - self.duration) > 1e-9 * self.duration:
-            raise ValueError(f"duration = {self.duration:g} s: the stages last {together:.12g} s together; give that")
-        ties = [boundary for boundary in self.boundaries if boundary.tied_edges is not None]
-        for number, stage in enumerate(self.stages):
-            if stage.boundaries is not None and [b for b in stage.boundaries if b.tied_edges is not None] != ties:
-                raise ValueError(
-                    f"stages.{number}.boundaries: what ties edges (periodic) holds from the beginning to the end; give "
-                    "the same in [[boundaries]] and in every stage"
-                )
-
-    def _check_rotations(self) -> None:
-        if not self.large_rotations or self.plane == "solid":  # refused by `support.py`
-            return
-        if self.faults:
-            raise ValueError(
-                f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
-                "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
-            )
-
-    def _check_fracture(self) -> None:
-        if self.plane == "solid":  # [fracture] is refused by `support.py`
-            if self.collisions is not None and self.fracture is None:
-                raise ValueError("collisions, plane = 'solid': in plane stress and strain only; remove [collisions]")
-            return
-        if self.collisions is not None and (self.fracture is None or not self.large_rotations):
-            remedies = ["the table [fracture]"] * (self.fracture is None)
-            remedies += ["large_rotations = true before the first table"] * (not self.large_rotations)
-            raise ValueError(f"collisions: what moves far may turn and break; add {', and '.join(remedies)}")
-        if self.fracture is None:
-            return
-        if self.order != 1:
-            raise ValueError(f"order = {self.order}: with [fracture] the cells must be of order 1; set order = 1")
-        for name, fault in self.faults.items():
-            for key in ("normal", "shear"):
-                value = getattr(fault.initial_stress, key)
-                if value is not None and (callable(value) or value != 0):
-                    raise ValueError(
-                        f"faults.{name}.initial_stress.{key}: with [fracture] the facets of the bodies carry the "
-                        "initial stress, too, and need all of it; give initial_stress.tensor, or load the bodies by "
-                        "boundaries"
-                    )
-
-    def _check_axisymmetric(self) -> None:
-        if self.plane != "axisymmetric":
-            return
-        for name, fault in self.faults.items():
-            if fault.initial_stress.tensor is not None:
-                raise ValueError(
-                    f"faults.{name}.initial_stress.tensor: around an axis no uniform stress is in equilibrium in "
-                    "general; give the normal and shear stress of the interface"
-                )
 
     @property
     def initial_tensor(self) -> np.ndarray | None:
