@@ -123,7 +123,7 @@ def test_slip_under_pressure_takes_friction_besides() -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in COHESION if kind != "benzeggagh_kenane"])
-@pytest.mark.parametrize("angle", [20, 45, 70])
+@pytest.mark.parametrize("angle", [20, *(pytest.param(angle, marks=pytest.mark.slow) for angle in (45, 70))])
 def test_proportional_jumps_take_parts_of_both_energies(kind: str, angle: float) -> None:
     """Along w = D cos(angle) w_I, s = D sin(angle) s_II the work is cos(angle) G_Ic + sin(angle) G_IIc.
 

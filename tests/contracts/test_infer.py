@@ -45,9 +45,22 @@ from ruptfx.many_runs.inference.variables import Variable
 from ruptfx.platform import fem, launch
 from ruptfx.platform.progress import Progress
 from ruptfx.readings.misfits import Unknown
+from ruptfx.results import figure_style
 from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
+
+
+@pytest.fixture
+def pictures() -> None:
+    """Wanted by tests that look for the pictures of an inference; the others save none."""
+
+
+@pytest.fixture(autouse=True)
+def _unsaved(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "pictures" not in request.fixturenames:
+        monkeypatch.setattr(figure_style, "save", lambda *of_figure: None)
+
 
 SHEAR = "faults.main.initial_stress.shear"
 NORMAL = "faults.main.initial_stress.normal"
@@ -186,7 +199,7 @@ def by_gauss_newton() -> Result:
     return made
 
 
-def test_gauss_newton_recovers_two_numbers_in_a_few_runs() -> None:
+def test_gauss_newton_recovers_two_numbers_in_a_few_runs(pictures: None) -> None:
     made = by_gauss_newton()
     assert made.reason == "converged" and len(made.runs) < 10 and not made.exceeds_noise
     assert replace(made, iterates=[0]).exceeds_noise  # the start
@@ -197,7 +210,7 @@ def test_gauss_newton_recovers_two_numbers_in_a_few_runs() -> None:
         assert abs(each.best[0] - true) < 2 * (high - low)  # four standard deviations
 
 
-def test_sensitivities_are_those_of_the_adjoint() -> None:
+def test_sensitivities_are_those_of_the_adjoint(pictures: None) -> None:
     """J' r of the first run is the gradient of its misfit; its prior has none."""
     made = by_gauss_newton()
     first, case = made.runs[0], made.case.changed("faults.main.friction.D_c", 0.04).changed(SHEAR, 75e6)
@@ -243,7 +256,7 @@ def test_methods_without_derivatives_on_a_linear_model(
 
 
 @pytest.mark.slow
-def test_intervals_of_a_rupture_agree_with_an_ensemble(tmp_path: Path) -> None:
+def test_intervals_of_a_rupture_agree_with_an_ensemble(tmp_path: Path, pictures: None) -> None:
     """Two ways to the posterior: Laplace's approximation, and a sample without derivatives."""
     pytest.importorskip("emcee")
     laplace = by_gauss_newton()
@@ -293,7 +306,7 @@ def test_the_progress_of_a_search_has_its_steps_and_never_decreases(
     assert any(wanted in text for _, text in search) and any("forward  step" in text for _, text in search)
 
 
-def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path) -> None:
+def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path, pictures: None) -> None:
     out = tmp_path / "out"
     case = with_unknowns(measured(SHEAR, None), FIELD, iterations=25)
     made = infer(case, out, progress=False)
@@ -739,7 +752,8 @@ def test_the_command_goes_on(tmp_path: Path) -> None:
     runs = []
     for iterations in (1, 2):
         setting = ["--set", f"inference.iterations={iterations}"]
-        assert launch.run_on(1, ["infer", str(path), "--out", str(out), "--quiet", *setting]) == 0
+        done = CliRunner().invoke(app, ["infer", str(path), "--out", str(out), "--quiet", *setting])
+        assert done.exit_code == 0, done.output
         runs.append(len(list((out / "evaluations").glob("*.npz"))))
     assert 1 < runs[0] < runs[1]
     best = read_case(out / "best.toml")

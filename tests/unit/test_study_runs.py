@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
 from ruptfx.app.cli import app
-from ruptfx.many_runs.study import read_csv, read_study, refine, run_study
+from ruptfx.many_runs.study import execute, read_csv, read_study, refine, run_study
 from ruptfx.many_runs.study.mode_map import Map
 from ruptfx.many_runs.study.store import Store
 from ruptfx.many_runs.study.table import unit_of
@@ -56,8 +56,15 @@ for line in sys.stdin:
 """
 
 
+@pytest.fixture
+def maps():
+    """Wanted by tests that look for a map; the studies of the others draw none."""
+
+
 @pytest.fixture(autouse=True)
-def _stand_in(monkeypatch):
+def _stand_in(request, monkeypatch):
+    if "maps" not in request.fixturenames:
+        monkeypatch.setattr(execute, "_has_map", lambda directory: False)
     monkeypatch.setattr(launch, "mpi_command", lambda ranks, module: [sys.executable, "-c", STAND_IN])
     monkeypatch.setitem(DESCRIPTIONS, "product", "Of the stand-in alone.")
 
@@ -82,7 +89,7 @@ def finished(out):
     return [line.split()[1] for line in (out / "points.log").read_text().splitlines()]
 
 
-def test_products_hold_every_point(tmp_path):
+def test_products_hold_every_point(tmp_path, maps):
     run(tmp_path, [2.0, 8.0])
     table = read_csv(tmp_path / "out" / "table.csv")
     assert [(r["Sigma_0"], r["V_imp"], r["mode"], r["product"]) for r in table] == [
@@ -96,7 +103,7 @@ def test_products_hold_every_point(tmp_path):
         assert (tmp_path / "out" / name).stat().st_size > 1000
 
 
-def test_a_study_without_numbers_has_a_table_and_no_map(tmp_path):
+def test_a_study_without_numbers_has_a_table_and_no_map(tmp_path, maps):
     path = tmp_path / "study.toml"
     axis = 'key = "boundaries.0.velocity"\nvalues = [1.0, 2.0]\nlabels = ["a", "b"]'
     path.write_text(f'case = "{IMPACT}"\n[[axes]]\n{axis}')
@@ -105,7 +112,7 @@ def test_a_study_without_numbers_has_a_table_and_no_map(tmp_path):
     assert not (tmp_path / "out" / "mode_map.html").exists()
 
 
-def test_the_command_lists_the_files_that_it_wrote(tmp_path, monkeypatch):
+def test_the_command_lists_the_files_that_it_wrote(tmp_path, monkeypatch, maps):
     """Of an axis of words there is no map: two tables; of an axis of numbers a map, its page and curves as well."""
     monkeypatch.setenv("COLUMNS", "500")
     words = '[[axes]]\nname = "order"\nkey = "order"\nvalues = [3, 4]\nlabels = ["low", "high"]\n'
@@ -120,7 +127,7 @@ def test_the_command_lists_the_files_that_it_wrote(tmp_path, monkeypatch):
         assert [name for name in listed if not (out / name).is_file()] == []
 
 
-def test_a_study_of_text_alone_has_a_table_and_no_map(tmp_path):
+def test_a_study_of_text_alone_has_a_table_and_no_map(tmp_path, maps):
     run(tmp_path, [2.0], top='quantities = ["ended_by"]')
     assert [row["V_imp"] for row in read_csv(tmp_path / "out" / "table.csv")] == [2.0, 2.0]
     assert not (tmp_path / "out" / "mode_map.html").exists()
@@ -373,7 +380,7 @@ def test_points_are_doubtful_by_the_threshold_or_by_the_finer_mesh(half, fine, d
     assert shown.doubtful({"mode": "crack", "mode_at_half_threshold": half, "fine_mesh": fine}) is doubtful
 
 
-def test_columns_have_their_units():
+def test_columns_have_their_units(, maps):
     """By hand; energies of plane models are per metre of thickness."""
     units = {"energy_kinetic": "J", "energy_closure": "1", "time_step": "s", "wall_time": "s", "seconds": "s",
              "node_updates_per_second": "1", "tip_speed": "m/s", "max_slip": "m", "mode": "1"}  # fmt: skip
