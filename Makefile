@@ -33,8 +33,6 @@ REPORT = --junit-xml=.ci/reports/$@.xml
 FILES = -n 2 --dist loadfile $(REPORT)
 TESTS = -n 2 --dist load $(REPORT)
 EVERY_KEY := tests/contracts/test_every_key.py
-# All pairs of a demo and a transformation, some 1000: python -m pytest -m slow with this file. `test` runs a selection.
-ALL_PAIRS := tests/contracts/test_invariances.py
 
 test: env ## lint, tests of parts and contracts on 1 rank, the MPI tests on 2 ranks, the demo at small size
 	@$(MAKE) --no-print-directory -j 2 lint parts
@@ -50,7 +48,7 @@ ranks: env
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
 # Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
-SLOW = $(filter-out $(ALL_PAIRS) tests/contracts/test_bench_figures.py,$(shell grep -rl 'mark\.slow' tests --include='test_*.py'))
+SLOW = $(filter-out tests/contracts/test_bench_figures.py,$(shell grep -rl 'mark\.slow' tests --include='test_*.py'))
 verify: verified every-key slow ## exact solutions, other codes, kills and faults, 1 to 3 ranks, every key, and what takes minutes
 
 verified: env

@@ -20,7 +20,7 @@ from ruptfx.platform.codegen.tracing import derivative, record, symbol, to_numpy
 
 LAWS = alternatives("ruptfx.laws.cohesion")
 every_law = pytest.mark.parametrize("kind", list(LAWS))
-every_example = pytest.mark.parametrize("seed", [0, 1, 2])
+every_example = pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 
 
 def example(kind: str, seed: int = 0) -> CohesiveLaw:

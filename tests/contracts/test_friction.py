@@ -25,7 +25,7 @@ from ruptfx.laws.friction.lengths import Breakdown, RateDependence
 LAWS = friction_laws()
 SEEDS = (0, 1)
 every_law = pytest.mark.parametrize("kind, wrapped", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
-every_example = pytest.mark.parametrize("seed", SEEDS)
+every_example = pytest.mark.parametrize("seed", [SEEDS[0], pytest.param(SEEDS[1], marks=pytest.mark.slow)])
 
 
 @pytest.mark.parametrize("kind", list(alternatives("ruptfx.laws.friction")))

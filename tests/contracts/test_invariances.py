@@ -2,7 +2,7 @@
 
 A transformation returns another case, and what must become of the numbers of the run. Some begin with a case made of
 the demo, on which any direction can act. The default selection, a minute on a core, has each transformation and each
-demo once; `-m slow` runs all other pairs.
+demo once; that of `-m slow` has transformations on two demos and demos under three; `-m pairs` runs all other pairs.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ pytestmark = pytest.mark.fem
 Table = dict[str, Any]
 Map = Callable[[Run], Run]
 RANDOM = 20261128
-FEWEST_OF_A_DEMO, FEWEST_DEMOS = 1, 1  # transformations of a demo, demos of a transformation in the default selection
+FEWEST = {"default": (1, 1), "slow": (3, 2)}
+"""Transformations of a demo, and demos of a transformation, in each selection."""
 
 COSTLY = ("gmsh", "branch_3d", "strike_slip_3d", "composite_impact", "seismic_cycles", "fibre_pull_out")
 """Demos that the default selection has no more often than it has to."""
@@ -676,10 +677,10 @@ def _rank(pair: tuple[str, str]) -> str:
     return hashlib.sha256(" ".join(pair).encode()).hexdigest()
 
 
-def _selection(pairs: list[tuple[str, str]]) -> set[tuple[str, str]]:
+def _selection(pairs: list[tuple[str, str]], of_a_demo: int, demos: int) -> set[tuple[str, str]]:
     """Return pairs in which every transformation and every demo is as often as it has to be."""
     chosen = set[tuple[str, str]]()
-    for index, least in ((1, FEWEST_DEMOS), (0, FEWEST_OF_A_DEMO)):
+    for index, least in ((1, demos), (0, of_a_demo)):
         for each in dict.fromkeys(pair[index] for pair in pairs):
             own = sorted((pair for pair in pairs if pair[index] == each), key=_rank)
             own.sort(key=lambda pair: pair[0] in COSTLY)
@@ -689,11 +690,12 @@ def _selection(pairs: list[tuple[str, str]]) -> set[tuple[str, str]]:
 
 
 def _pairs() -> list[Any]:
-    """Return all pairs of a demo and a transformation that applies to it, those outside of the selection as slow."""
+    """Return all pairs of a demo and a transformation that applies to it, with the mark of their selection."""
     pairs = [(demo, name) for demo in names() for name, (needs, *_) in TRANSFORMATIONS.items() if needs(resolved(demo))]
-    chosen, result = _selection(pairs), []
+    default, slow = (_selection(pairs, *fewest) for fewest in FEWEST.values())
+    result = []
     for pair in pairs:
-        marks = [] if pair in chosen else [pytest.mark.slow]
+        marks = [] if pair in default else [pytest.mark.slow if pair in slow else pytest.mark.pairs]
         if pair in OPEN:
             marks.append(pytest.mark.xfail(reason=OPEN[pair], strict=True))
         result.append(pytest.param(*pair, marks=marks, id="-".join(pair)))

@@ -64,12 +64,12 @@ def check(found: FrontFit, fraction: float, tolerance: float) -> None:
     assert found.tip(np.array([PASSAGE]))[0] == pytest.approx(0.1, abs=7e-3 * tolerance)
 
 
-@pytest.mark.parametrize("fraction", [0.1, 0.5, 0.95])
+@pytest.mark.parametrize("fraction", [*(pytest.param(v, marks=pytest.mark.slow) for v in (0.1, 0.5)), 0.95])
 def test_exact(fraction: float) -> None:
     check(fit_front(traces(fraction), MEDIUM), fraction, 2e-3)
 
 
-@pytest.mark.parametrize("fraction", [0.3, 0.9])
+@pytest.mark.parametrize("fraction", [pytest.param(0.3, marks=pytest.mark.slow), 0.9])
 def test_noise(fraction: float) -> None:
     found = fit_front(traces(fraction, noise=0.03), MEDIUM)
     check(found, fraction, 0.05)
