@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -146,8 +147,8 @@ def test_they_resume_bitwise(stepper: str, shared_tmp_path: Path) -> None:
     given = with_instruments(tables, {**changes, "output.checkpoint_steps": 2 if slow else 10})
     whole, cut = shared_tmp_path / f"{stepper}_whole", shared_tmp_path / f"{stepper}_cut"
     simulate(given, whole, COMM, progress=False)
-    simulate(given, cut, COMM, progress=False)
     if COMM.rank == 0:
+        shutil.copytree(whole, cut)
         (cut / "summary.json").unlink()
         (cut / "instruments.h5").write_bytes(b"cut off")
     COMM.barrier()
