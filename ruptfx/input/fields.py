@@ -276,6 +276,11 @@ STRESSES = {
 """Stresses and strains in files, by number of displacement components; in antiplane axis and component."""
 
 
+def extensive_unit(unit: str, plane: str) -> str:
+    """Return the unit of a sum over the bodies in J or N: per metre of thickness in a plane, but around an axis."""
+    return unit if plane in ("solid", "axisymmetric") else f"{unit}/m"
+
+
 def stress_entries(plane: str, components: int) -> dict[str, tuple[int, int]]:
     """Return the stresses and strains in files, by name; in axisymmetric bodies zz (hoop) is last."""
     return STRESSES[components] | ({"zz": (2, 2)} if plane == "axisymmetric" else {})

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, Table
-from ruptfx.input.fields import STRESSES, stress_entries
+from ruptfx.input.fields import STRESSES, extensive_unit, stress_entries
 from ruptfx.input.former_names import FORMER_COLUMNS, warn_of_former
 from ruptfx.platform import run_files
 from ruptfx.results.columns import Column, Columns, Stored
@@ -309,20 +309,26 @@ class Files:
         columns = {name: Column(item, _axes(name, item.ndim), item.attrs) for name, item in file.items()}
         return Columns(columns, dict(file.attrs))
 
+    def sum_unit(self, unit: str) -> str:
+        """Return the unit of forces (N) or energies (J) of this run: per metre of thickness in a plane."""
+        return extensive_unit(unit, self.case.get("plane", ""))
+
     @cached_property
     def energy(self) -> Data:
         path, needed = self._existing("energy.csv"), ("boundary_work", "closure")
-        return _renamed(self._read_table(path, lambda name: "1" if name == "closure" else "J", needed))
+        return _renamed(self._read_table(path, lambda name: "1" if name == "closure" else self.sum_unit("J"), needed))
 
     @cached_property
     def forces(self) -> Data:
         found = sorted(path.name for path in self.path.glob("forces*.csv"))
         path = self._existing(found[0] if found else "forces.csv")
-        return self._read_table(path, lambda name: {"force": "N/m", "work": "J/m"}.get(name.rpartition("_")[2], "1"))
+        units = {"force": self.sum_unit("N"), "work": self.sum_unit("J")}
+        return self._read_table(path, lambda name: units.get(name.rpartition("_")[2], "1"))
 
     @cached_property
     def edges(self) -> Data:
-        return self._read_table(self._existing("edges.csv"), lambda name: "m" if ".displacement_" in name else "N/m")
+        path, force = self._existing("edges.csv"), self.sum_unit("N")
+        return self._read_table(path, lambda name: "m" if ".displacement_" in name else force)
 
     @cached_property
     def cracks(self) -> Data:
@@ -429,7 +435,7 @@ class Record(Files):
     bulk : xarray.Dataset
         Snapshots against `time` [s] and `point`, with `points` [m] and `cells`, read lazily.
     energy : xarray.Dataset
-        Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
+        Energies [J, in a plane J/m] and their closure against `time` [s].
     instruments : dict of xarray.Dataset
         Signals of each instrument against its `time` [s], by name; empty without instruments.
     attachments : dict of xarray.Dataset
@@ -441,7 +447,7 @@ class Record(Files):
     events : xarray.Dataset
         Facets that failed, in their order, against `event`.
     edges : xarray.Dataset
-        Mean displacement [m] and force [N/m] of edges on which boundaries act, against `time` [s].
+        Mean displacement [m] and force [N, in a plane N/m] of edges on which boundaries act, against `time` [s].
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ruptfx import Table
+from ruptfx.input.fields import extensive_unit
 
 UNITS_OF_FRACTURE = {
     "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
@@ -111,10 +112,17 @@ DESCRIPTIONS = {
 _UNITS = {"wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s", "seconds": "s", "run_time": "s"}
 
 
-def unit(name: str) -> str:
-    """Return the unit of a field, empty for names and pure numbers; energies of plane models are per metre."""
+def unit(name: str, plane: str = "") -> str:
+    """Return the unit of a field, empty for names and pure numbers.
+
+    Parameters
+    ----------
+    plane : str
+        Of the case, for the energies in tables of studies; without it these have no unit.
+    """
     name = name.rpartition(".")[2]
-    return (UNITS | _UNITS).get(name, "J" if name.startswith("energy_") and name != "energy_closure" else "")
+    is_energy = plane and name.startswith("energy_") and name != "energy_closure"
+    return (UNITS | _UNITS).get(name, extensive_unit("J", plane) if is_energy else "")
 
 
 def flat(summary: Table) -> Table:

@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from ruptfx.input.fields import extensive_unit
 from ruptfx.results.summary_fields import unit
 
 OF_THE_MACHINE = {"wall_time", "node_updates_per_second", "ranks", "case_hash", "versions", "host_cores", "title"}
@@ -37,7 +38,7 @@ def read(run: Path, plane: str) -> Run:
         with h5py.File(path) as file:
             file.visititems(lambda name, item, path=path: data.update(_dataset(path.name, name, item)))
     for path in sorted(run.glob("*.csv")):
-        data |= _columns(path, "J" if plane in ("solid", "axisymmetric") else "J/m")
+        data |= _columns(path, extensive_unit("J", plane), extensive_unit("N", plane))
     return data | dict(_scalars(json.loads((run / "summary.json").read_text()), "summary.json:"))
 
 
@@ -57,10 +58,9 @@ def _dataset(file: str, name: str, item: object) -> Run:
     return {f"{file}:{name}": Data(values, {"degree": "1"}.get(text, text) if values.dtype.kind in "fiu" else None)}
 
 
-def _columns(path: Path, energy: str) -> Run:
+def _columns(path: Path, energy: str, force: str) -> Run:
     rows = list(csv.reader(path.read_text().splitlines()[1:]))
     table = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(len(rows) - 1, len(rows[0]))
-    force = {"J": "N", "J/m": "N/m"}[energy]
     units = {"time": "s", "closure": "1", "normal_force": force, "shear_force": force, "friction_work": energy,
              "impact_work": energy, "sticking": "1", "sliding": "1", "open": "1", "uncovered": "1"}  # fmt: skip
 

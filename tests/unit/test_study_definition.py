@@ -254,6 +254,7 @@ def test_goals_take_units():
     goals = [
         {"quantity": "tip_speed", "target": "1.9 km/s", "scale": "50 m/s"},
         {"quantity": "max_slip", "at_least": "3 um"}, {"quantity": "energy_kinetic", "at_most": "2 kJ"},
+        {"quantity": "energy_kinetic", "at_most": "2 kJ/m"},
         {"quantity": "interfaces.main.pulse_degree", "at_least": "50 %"},
         {"quantity": "mean_large_drop", "at_most": "3 kN"},  # of a lumped model
     ]  # fmt: skip
@@ -261,6 +262,7 @@ def test_goals_take_units():
              for goal in Search(goals=goals).goals]  # fmt: skip
     none = None
     assert given == [[1900.0, 50.0, none, none], [none, none, 3e-6, none], [none, none, none, 2e3],
+                     [none, none, none, 2e3],
                      [none, none, 0.5, none], [none, none, none, 3e3]]  # fmt: skip
     for wrong in ({"quantity": "max_slip", "at_least": "3 Pa"}, {"quantity": "crack_degree", "at_least": "3 m"}):
         with pytest.raises(CaseError, match=facts(rf"goals\.0: at_least = '{wrong['at_least']}': ")):

@@ -382,6 +382,8 @@ def test_points_are_doubtful_by_the_threshold_or_by_the_finer_mesh(half, fine, d
 
 def test_columns_have_their_units():
     """By hand; energies of plane models are per metre of thickness."""
-    units = {"energy_kinetic": "J", "energy_closure": "1", "time_step": "s", "wall_time": "s", "seconds": "s",
+    assert [unit_of("energy_kinetic", plane) for plane in ("stress", "antiplane", "solid", "axisymmetric", "")] == [
+        "J/m", "J/m", "J", "J", "1"]  # fmt: skip
+    units = {"energy_kinetic": "J/m", "energy_closure": "1", "time_step": "s", "wall_time": "s", "seconds": "s",
              "node_updates_per_second": "1/s", "tip_speed": "m/s", "max_slip": "m", "mode": "1"}  # fmt: skip
-    assert {name: unit_of(name) for name in units} == units
+    assert {name: unit_of(name, "strain") for name in units} == units

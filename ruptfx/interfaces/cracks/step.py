@@ -51,8 +51,8 @@ FACETS = {
     "time_of_yield": ("s", "when the strength was reached first"),
     "time_of_failure": ("s", "when both ends had failed"),
     "time_of_gain": ("s", "when the kinetic energy around it was largest in between"),
-    "energy_at_yield": ("J", "kinetic energy of the four corners at its yield, per metre of thickness"),
-    "energy_gain": ("J", "largest increase of it until failure, per metre of thickness"),
+    "energy_at_yield": ("J/m", "kinetic energy of the four corners at its yield"),
+    "energy_gain": ("J/m", "largest increase of it until failure"),
     "slip_at_failure": ("m", "inelastic slip at failure, mean of both ends"),
 }
 """Fields of every facet, shape (facets,); times are NaN until then."""

@@ -89,8 +89,9 @@ def draw(shown: Map) -> Figure:
     panels = [[name] for name in names if name not in shares] + ([shares] if shares else [])
     lines = max(math.ceil(len(panels) / COLUMNS), 1)
     figure, axes = new_figure(lines, COLUMNS, 1.75 * lines, WIDTH, sharex=True)
+    plane = shown.study.plane
     for ax, panel in zip(axes.flat, panels, strict=False):
-        _panel(ax, _by_value(shown), panel)
+        _panel(ax, _by_value(shown), panel, plane)
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()
     (axis,) = _varied(shown)
@@ -104,13 +105,14 @@ def draw(shown: Map) -> Figure:
     return figure
 
 
-def _panel(ax: Axes, by_value: dict[float, list[Row]], names: list[str]) -> None:
+def _panel(ax: Axes, by_value: dict[float, list[Row]], names: list[str], plane: str) -> None:
     rows = [row for each in by_value.values() for row in each]
     x = np.array([value for value, each in by_value.items() for _ in each])
     drawn = len(rows) > len(by_value)
     for number, name in enumerate(names):
         y, error = (np.array([_number(row.get(f"{name}{end}")) for row in rows]) for end in ("", ERROR))
-        size, unit = scale(y[np.isfinite(y)], unit_of(name)) if known_unit(unit_of(name)) else (1.0, "")
+        unit = unit_of(name, plane)
+        size, unit = scale(y[np.isfinite(y)], unit) if known_unit(unit) else (1.0, "")
         colour = COLOURS[number % len(COLOURS)] if len(names) > 1 else GUIDE
         label = name.removesuffix(SHARE if len(names) > 1 else "").replace("_", " ")
         look = {"fmt": "o", "alpha": 0.45} if drawn else {"fmt": "o-", "label": label}

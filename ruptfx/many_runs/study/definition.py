@@ -361,6 +361,16 @@ class Study(Part):
             table["plugins"] = [*given, *self.plugins]
         return table
 
+    @property
+    def plane(self) -> str:
+        """Plane of the cases; empty for lumped models, where it varies, and where the case file is gone."""
+        if any("plane" in axis.keys for axis in self.axes):
+            return ""
+        try:
+            return str(self.base().get("plane", ""))
+        except CaseError:
+            return ""
+
     def identity(self) -> Table:
         """Return what identifies a study: the hash of its case without the axes, and the keys of the axes."""
         table = self.base()

@@ -43,12 +43,16 @@ class Goal(Part):
     @model_validator(mode="before")
     @classmethod
     def _without_units(cls, values: object) -> object:
-        """Convert text such as "2 km/s" to the unit of the quantity; to SI if that is unknown (lumped models)."""
+        """Convert text such as "2 km/s" to the unit of the quantity; to SI if that is unknown (lumped models).
+
+        Energies are in J or, of cases in a plane, in J/m.
+        """
         if not isinstance(values, Mapping):
             return values
         quantity = str(values.get("quantity"))
-        unit = summary_fields.unit(quantity) or ("1" if quantity in summary_fields.DESCRIPTIONS else None)
         texts = {name: text for name in NUMBERS if isinstance(text := values.get(name), str)}
+        plane = "strain" if any(text.endswith("/m") for text in texts.values()) else "solid"
+        unit = summary_fields.unit(quantity, plane) or ("1" if quantity in summary_fields.DESCRIPTIONS else None)
         try:
             return {**values, **{name: parse(text, unit) for name, text in texts.items()}}
         except ValueError as error:

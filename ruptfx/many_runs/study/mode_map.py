@@ -406,7 +406,8 @@ def page(shown: Map) -> str:
         for a, (size, unit) in zip(shown.axes, units, strict=True)
     ]
     look, title = shown.look(), shown.study.title or shown.directory.name
-    names = {name: unit_of(name) for name in (shown.rows[0] if shown.rows else {})}
+    plane = shown.study.plane
+    names = {name: unit_of(name, plane) for name in (shown.rows[0] if shown.rows else {})}
     names |= {axis.column: axis.unit for axis in shown.study.axes}
     facets = [{"label": label, "points": [_page_point(shown, row) for row in rows]} for label, rows in shown.facets]
     data = {

@@ -70,16 +70,17 @@ def dataset(study: Study, table: Sequence[Row]) -> xarray.Dataset:
         shape = [len(v) for v in values.values()]
         for name in quantities:
             data[name] = (columns, _array([row[name] for row in table]).reshape(shape))
+    plane = study.plane
     for key in data.data_vars:
         name = str(key)
-        data[name].attrs["units"] = unit_of(name)
+        data[name].attrs["units"] = unit_of(name, plane)
     data.attrs = {"title": study.title, "sampling": study.sampling}
     return data
 
 
-def unit_of(name: str) -> str:
-    """Return the unit of a column."""
-    return summary_fields.unit(name) or "1"
+def unit_of(name: str, plane: str) -> str:
+    """Return the unit of a column of a study of cases in this plane."""
+    return summary_fields.unit(name, plane) or "1"
 
 
 def write_dataset(path: Path, data: xarray.Dataset) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ruptfx.bodies.space.edges import Edge
 from ruptfx.bodies.space.inside import CellBoxes, Inside
-from ruptfx.input.fields import FIELDS, STRESSES, stress_entries
+from ruptfx.input.fields import FIELDS, STRESSES, extensive_unit, stress_entries
 from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, nearest
 from ruptfx.laws.materials.stiffness import tangent_stiffness
@@ -52,7 +52,7 @@ class ModelReadings:
         self.model, self._initial_stress = model, initial_stress
         self.axes = {"z": 0} if model.components == 1 else {name: i for i, name in enumerate("xyz"[: model.components])}
         self.entries = stress_entries(model.case.plane, model.components)
-        self.force_unit = "N" if model.case.plane in ("solid", "axisymmetric") else "N/m"
+        self.force_unit = extensive_unit("N", model.case.plane)
 
     def unit_vector(self, component: int) -> np.ndarray:
         """Return the unit vector of a component."""

@@ -114,7 +114,7 @@ def _force(sheet: Sheet, ax: Axes, record: Files, name: str) -> None:
     edges = record.edges
     force, moved = edges[name].values, edges[name.replace(".force_", ".displacement_")].values
     x_size, x_unit = sheet.scale("displacement", np.ptp(moved), "m")
-    y_size, y_unit = sheet.scale("force", force, "N/m")
+    y_size, y_unit = sheet.scale("force", force, record.sum_unit("N"))
     ax.plot(moved / x_size, force / y_size, color="#1a1a1a")
     ax.axhline(0, color=MUTED, lw=0.5)
     edge, _, component = name.rpartition(".force_")

@@ -73,9 +73,8 @@ def _energies(sheet: Sheet, ax: Axes, record: Files, parts: dict[str, Array], ti
     largest = {name: float(np.abs(values).max(initial=0.0)) for name, values in (*parts.items(), ("", work))}
     small = [name for name in parts if largest[name] < SEEN * max(largest.values())]
     seen = {name: values for name, values in parts.items() if name not in small}
-    size, unit = sheet.scale("energy", np.array([work, *seen.values()]), "J/m")
-    whole = record.case.get("plane") in ("solid", "axisymmetric")
-    ax.set_ylabel(f"Energy ({unit.removesuffix('/m')})" if whole else f"Energy per thickness ({unit})")
+    size, unit = sheet.scale("energy", np.array([work, *seen.values()]), record.sum_unit("J"))
+    ax.set_ylabel(f"Energy per thickness ({unit})" if unit.endswith("/m") else f"Energy ({unit})")
     if largest[""] > 0:
         ax.plot(time, work / size, color="#1a1a1a", lw=1.4, label="boundary work")
     for name, values in seen.items():

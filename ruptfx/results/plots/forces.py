@@ -65,7 +65,7 @@ def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float)
     """Draw the forces, drops and knees; return the remarks."""
     table = record.forces
     time, normal, shear = (table[name].values for name in ("time", "normal_force", "shear_force"))
-    f_size, f_unit = sheet.scale("force", np.array([normal, shear]), "N/m")
+    f_size, f_unit = sheet.scale("force", np.array([normal, shear]), record.sum_unit("N"))
     mean = averaged(time, shear, window)
     sign = -1.0 if mean[np.argmax(np.abs(mean))] < 0 else 1.0
     typical = float(np.median(normal))

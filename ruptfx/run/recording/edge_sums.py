@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 REMARK = (
     "time in s; of every edge on which a boundary acts the mean displacement of its nodes in m and the force on it "
-    "that the bodies resist, in N per metre of thickness"
+    "that the bodies resist, in {}"
 )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.bodies.state import State
+from ruptfx.input.fields import extensive_unit
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.sliding.contact_states import OPEN, SLIDING, STICKING, UNCOVERED, contact_states
 from ruptfx.interfaces.sliding.interface import SlidingInterface
@@ -21,11 +22,12 @@ OF_RECORDS = "that of the record of the interface"
 OF_MEANS = "the middle of the time over which all numbers of a row are means"
 
 
-def remark(means: bool) -> str:
+def remark(means: bool, plane: str) -> str:
     """Return the first line of the file, which describes its columns."""
+    force, energy = (extensive_unit(unit, plane) for unit in "NJ")
     return (
-        f"time in s, {OF_MEANS if means else OF_RECORDS}; forces between the bodies in N per metre, the normal one "
-        "positive in compression; then parts of the length of the plus side; then, in J per metre, what friction took "
+        f"time in s, {OF_MEANS if means else OF_RECORDS}; forces between the bodies in {force}, the normal one "
+        f"positive in compression; then parts of the length of the plus side; then, in {energy}, what friction took "
         "so far, and what impacts and updates of the pairing did"
     )
 

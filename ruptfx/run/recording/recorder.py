@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import h5py
 
 from ruptfx import RuptfxError, Table, __version__
+from ruptfx.input.fields import extensive_unit
 from ruptfx.platform import fem, parallel, run_files
 from ruptfx.platform.stopwatch import phase, phases
 from ruptfx.run.recording.bulk_fields import BulkFields, Topology
@@ -153,7 +154,7 @@ class Recorder:
         self.log.propagate = False
         self._energies = TableFile(self.out / "energy.csv", [*self.model.energy_columns, "closure"], (
             "time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
-            "energies in J (in 2D per metre of thickness, but around an axis), closure relative to the largest work"
+            f"energies in {extensive_unit('J', self.model.case.plane)}, closure relative to the largest work"
         ), self._kept("interface"))  # fmt: skip
         if self.samples.instruments:
             self._instruments = InstrumentsFile(self.out / "instruments.h5", self.samples.instruments, {

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ruptfx.input.fields import extensive_unit
 from ruptfx.interfaces.mechanisms.facets import Facets
 from ruptfx.run.recording.edge_sums import REMARK, EdgeSums
 from ruptfx.run.recording.mechanisms import Opening, Records
@@ -32,7 +33,8 @@ class EdgeRecords(Records):
         return [NAME]
 
     def open(self, opening: Opening) -> None:
-        self._table = TableFile(opening.out / NAME, self._sums.columns, REMARK, opening.kept("interface"))
+        remark = REMARK.format(extensive_unit("N", self.model.case.plane))
+        self._table = TableFile(opening.out / NAME, self._sums.columns, remark, opening.kept("interface"))
 
     def read(self, state: State) -> tuple[float, list[float]]:
         return state.fault_time, self._sums.row(state)

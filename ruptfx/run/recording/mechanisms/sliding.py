@@ -41,7 +41,8 @@ class ForceRecords(Records):
         return {} if self._means is None else {"means": self._means}
 
     def open(self, opening: Opening) -> None:
-        remark, kept = forces.remark(self._means is not None), opening.kept(self.schedule)
+        remark = forces.remark(self._means is not None, self.model.case.plane)
+        kept = opening.kept(self.schedule)
         for fault, name in zip(self._faults, self.names(), strict=True):
             self._tables[fault.name] = TableFile(opening.out / name, forces.COLUMNS, remark, kept)
 
