@@ -57,7 +57,7 @@ class IncidentWave(EdgeBoundary):
         if not any(self.direction):
             raise ValueError(f"{key}.direction = {self.direction}: must not be zero")
         if plane == "antiplane" and self.wave != "S":
-            raise ValueError(f"{key}.wave = '{self.wave}': plane = 'antiplane' has S waves only; use 's'")
+            raise ValueError(f"{key}.wave = '{self.wave}': plane = 'antiplane' has S waves only; use 'S'")
         if (self.polarisation is not None) != (plane == "solid" and self.wave == "S"):
             raise ValueError(f"{key}.polarisation: S waves in plane = 'solid' need it, all others go without; "
                              f"{'give' if self.polarisation is None else 'remove'} it")

@@ -1,0 +1,456 @@
+"""Remedies that messages print are tried by doing what they say: the case must then be accepted and make a step.
+
+A row of the table is a refused case, a regular expression of the remedy in its message, and what the remedy asks for,
+with the printed numbers as they are printed. Remedies of parts that do not work together are tried by `test_support`.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from helpers.crack_cases import HERE, RUBS, block
+from helpers.messages import facts
+from helpers.sliding_cases import rough
+from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, branched, plates, slip_weakening, strike_slip
+
+from ruptfx import RuptfxError, Table
+from ruptfx.case import Case, parse_case
+from ruptfx.input.schema import set_key
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.many_runs.adjoint.gradients import Objective
+from ruptfx.run import stages
+from ruptfx.run.cost import measured
+from ruptfx.run.model import Model
+from ruptfx.stepping.stopping import StopRules
+
+pytestmark = pytest.mark.fem
+
+Changes = dict[str, Any]
+"""Values by dotted key, list entries by number; None removes the key."""
+
+
+class Remedy(NamedTuple):
+    """A refused case and its remedies; each of `fixes` alone must make it acceptable."""
+
+    table: Table
+    says: str
+    fixes: Callable[[re.Match[str]], list[Changes]]
+
+
+def changed(table: Table, changes: Changes) -> Table:
+    result = copy.deepcopy(table)
+    for key, value in changes.items():
+        if value is not None:
+            set_key(result, key, value)
+            continue
+        *parents, last = key.split(".")
+        node: Any = result
+        for name in parents:
+            node = node[int(name)] if isinstance(node, list) else node[name]
+        del node[int(last) if isinstance(node, list) else last]
+    return result
+
+
+def step(table: Table) -> None:
+    """Parse a case, make its model and instruments, and take one step; its objective, if there is one, is computed."""
+    case = parse_case(table, HERE)
+    if not isinstance(case, Case):
+        return
+    if case.objective:
+        Objective(case, case.objective, record=False)
+        return
+    model = Model(case)
+    motion = stages.bind(model)
+    measured(model, motion.dt)
+    StopRules(model, case.stop_when)
+    motion.step(model.initial_state())
+
+
+def flat(**changes: Any) -> Table:
+    """Two plates of order 1; `__` in a key stands for a dot."""
+    return plates({"order": 1, **{key.replace("__", "."): value for key, value in changes.items()}})
+
+
+def solid(**changes: Any) -> Table:
+    return strike_slip({key.replace("__", "."): value for key, value in changes.items()})
+
+
+def number(found: re.Match[str], group: int = 1) -> float:
+    return float(found[group])
+
+
+RECEIVER = {"kind": "receiver", "name": "point", "interval": 1e-6, "point": [5.3e-3, 2.2e-3]}
+FIXED = {"kind": "leapfrog", "time_step": 1.23456789e-7}
+BODY = {"kind": "velocimeter", "name": "body", "interval": 1e-7, "point": [18e-3, 2e-3], "direction": [1.0, 0.0]}
+TRACE = {"kind": "traces", "instrument": "body", "times": [1.1e-6, 2.2e-6], "data": {"velocity": [0.1, 0.1]},
+         "units": {"velocity": "m/s"}, "sigma": 0.02}  # fmt: skip
+SPECKLES = {"kind": "speckles", "name": "s", "frame_rate": 1e6, "exposure": 1e-7, "pixel": 1e-4}
+ROW = {"kind": "resonators", "name": "row", "edge": "upper.top", "mass": 2.0, "frequency": 2e5}
+FIXED_BASE = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
+
+TIES = [{"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"} for body in ("lower", "upper")]
+
+N = r"(-?[\d.]+(?:e[-+]?\d+)?)"
+
+NUMBERS: dict[str, Remedy] = {
+    "stable step": Remedy(
+        flat(stepper={"kind": "leapfrog", "time_step": 1e-3}), rf"the limit is {N} s.* leave it out",
+        lambda m: [{"stepper.time_step": number(m)}, {"stepper.time_step": None}]),
+    "stage below a step": Remedy(
+        flat(stepper=FIXED, duration=1e-6, stages=[{"duration": 3e-8}, {"duration": 9.7e-7}]),
+        rf"a time step of {N} s;.* the time_step of .* to {N} s or less",
+        lambda m: [{"stages.0.duration": number(m), "duration": 9.7e-7 + number(m)},
+                   {"stepper.time_step": number(m, 2)}]),
+    "sum of stages": Remedy(
+        flat(duration=3e-6, stages=[{"duration": 1.23456789e-6}, {"duration": 1.00000001e-6}]),
+        rf"the stages last {N} s together; give that", lambda m: [{"duration": number(m)}]),
+    "too many records": Remedy(
+        flat(duration=1.23456e-6, output__interface_interval=1e-15), rf"give at least {N} s",
+        lambda m: [{"output.interface_interval": number(m)}]),
+    "instrument below a step": Remedy(
+        flat(stepper=FIXED, instruments=[{**RECEIVER, "interval": 1.1e-7}]), rf"below the time step of {N} s",
+        lambda m: [{"instruments.0.interval": number(m)}, {"stepper.time_step": 1.1e-7}]),
+    "point outside of the bodies": Remedy(
+        flat(instruments=[{**RECEIVER, "point": [1.0, 1.0]}]), rf"x from {N} to {N}, y from {N} to {N} m",
+        lambda m: [{"instruments.0.point": [number(m), number(m, 3)]},
+                   {"instruments.0.point": [number(m, 2), number(m, 4)]}]),
+    "surface of the rock": Remedy(
+        flat(plane="strain", mesh__height=1.23456789e-3, initial_stress={"kind": "depth", "density": 2670.0,
+             "gravity": 9.8, "surface": 1e-4}, faults__main__initial_stress=None),
+        rf"make it {N}", lambda m: [{"initial_stress.surface": number(m)}]),
+    "height of a rough fault": Remedy(
+        solid(mesh__height={"kind": "sinusoid", "mean": 0.0, "amplitude": 1.2345678e-3, "wavelength": 7e-3}),
+        rf"make distance at least {N},", lambda m: [{"mesh.distance": number(m)}]),
+    "elements along a fault": Remedy(
+        solid(mesh__fault_width=0.777777777e-3, faults__main__initial_stress__shear=2e6), rf"make element_size at most {N} m",
+        lambda m: [{"mesh.element_size": number(m)}]),
+    "elements along a branch": Remedy(
+        branched({"mesh.branch_length": 1.23456789e-3, "stepper": {"kind": "leapfrog"}}), rf"make element_size at most {N} m",
+        lambda m: [{"mesh.element_size": number(m)}]),
+    "shortest wave of a surface": Remedy(
+        solid(mesh__height={"kind": "self_affine_surface", "rms": 1e-5, "hurst": 0.8, "length": 0.03, "longest": 0.02,
+                            "shortest": 1e-6, "seed": 3}),
+        rf"make it at least {N}", lambda m: [{"mesh.height.shortest": number(m)}]),
+    "length of a rough line": Remedy(
+        flat(faults__main__gap={"kind": "self_affine", "rms": 1e-9, "hurst": 0.8, "length": 1.0, "longest": 0.5,
+                                "shortest": 1e-9, "seed": 3}),
+        rf"at most {N} times shortest = {N} m", lambda m: []),
+    "quality of P waves": Remedy(
+        flat(plane="strain", materials__default={**HOMALITE, "kind": "standard_linear_solids", "Q_p": 500.0, "Q_s": 33.3,
+             "lowest_frequency": 1e4, "frequency_ratio": 30.0}),
+        rf"use at most {N}", lambda m: [{"materials.default.Q_p": number(m)}]),
+    "springs of a foundation": Remedy(
+        flat(attachments=[{"kind": "foundation", "name": "base", "edge": "lower.bottom", "normal": 1e10,
+                           "tangential": 1e13, "cohesion": {"kind": "linear", "f_t": 1.3e5, "c": 2e5, "G_Ic": 0.05,
+                                                            "G_IIc": 0.1}}]),
+        rf"give at least {N} Pa/m, or a larger fracture energy",
+        lambda m: [{"attachments.0.normal": number(m)}, {"attachments.0.cohesion.G_Ic": 50.0}]),
+    "beta of Newmark": Remedy(
+        flat(stepper={"kind": "generalized_alpha", "scheme": "newmark", "gamma": 0.777777777, "beta": 0.1}),
+        rf"gamma / 2 = {N} or more", lambda m: [{"stepper.beta": number(m)}]),
+    "speed of P waves": Remedy(
+        flat(plane="strain", materials__default={"kind": "isotropic_elastic", "density": 1246.0, "c_p": 1000.0,
+                                                 "c_s": 1234.567}),
+        rf"more than sqrt\(4/3\) c_s = {N}", lambda m: [{"materials.default.c_p": number(m)}]),
+    "speed of P waves that vary": Remedy(
+        flat(plane="strain", materials__default={
+            "kind": "isotropic_elastic", "density": 1246.0, "c_s": 1234.567, "c_p": {
+                "kind": "along_axis", "axis": "x", "profile": {"kind": "constant", "value": 1000.0}}}),
+        rf"more than sqrt\(4/3\) c_s = {N} m/s", lambda m: [{"materials.default.c_p.profile.value": number(m)}]),
+    "table too short": Remedy(
+        slip_weakening({"order": 1, "mesh.length": 0.0333333333, "faults.main.initial_stress.shear": {
+            "kind": "table", "positions": [1e-3, 2e-3], "values": [1e6, 1e6]}}),
+        rf"points from {N} to {N} m; .* extend = true",
+        lambda m: [{"faults.main.initial_stress.shear.positions": [number(m), number(m, 2)]},
+                   {"faults.main.initial_stress.shear.extend": True}]),
+    "table of a surface too small": Remedy(
+        solid(mesh__fault_width=7.7777777e-3, faults__main__initial_stress__shear={
+            "kind": "surface_table", "strike": [-9e-3, 9e-3], "dip": [0.0, 1e-3], "values": [[1e6, 1e6]] * 2}),
+        rf"from 0 to 0.001 m, .* from {N} to {N} m; add",
+        lambda m: [{"faults.main.initial_stress.shear.dip": [number(m), number(m, 2)]}]),
+    "position of a receiver": Remedy(
+        flat(mesh__length=0.0123456789, instruments=[{"kind": "fault_receiver", "name": "f", "interval": 1e-6,
+                                                      "position": 1.0}]),
+        rf"on the interface, {N} to {N} m",
+        lambda m: [{"instruments.0.position": number(m)}, {"instruments.0.position": number(m, 2)}]),
+    "point of a receiver": Remedy(
+        solid(mesh__height={"kind": "sinusoid", "mean": 0.0, "amplitude": 1e-4, "wavelength": 7e-3},
+              instruments=[{"kind": "fault_receiver", "name": "f", "interval": 1e-6, "point": [1e-3, 2e-4, -3e-3]}]),
+        rf"nearest node, \({N}, {N}, {N}\) m",
+        lambda m: [{"instruments.0.point": [number(m), number(m, 2), number(m, 3)]}]),
+    "point of a nucleation": Remedy(
+        slip_weakening({"order": 1, "faults.main.nucleation": [{
+            "kind": "friction_drop", "mu_d": 0.1, "half_width": 3e-3, "center": {"x": 7.123456789e-3, "y": 3e-3}}]}),
+        rf"its nearest point is \({N}, {N}\) m",
+        lambda m: [{"faults.main.nucleation.0.center": {"x": number(m), "y": number(m, 2)}}]),
+    "width of a sponge": Remedy(
+        flat(mesh__length=0.0123456789, boundaries=[{"kind": "sponge", "edge": "upper.right", "width": 0.5}]),
+        rf"has {N} m of its bodies", lambda m: [{"boundaries.0.width": number(m)}]),
+    "exposure of a camera": Remedy(
+        flat(cameras=[{"kind": "speckles", "name": "s", "frame_rate": 1.2345678e6, "exposure": 1e-3, "pixel": 1e-4}]),
+        rf"longer than the {N} s", lambda m: [{"cameras.0.exposure": number(m)}]),
+    "patch beside a surface": Remedy(
+        solid(faults__main__initial_stress__shear={
+            "kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": [0.1, 0.2], "dip": [0.1, 0.2]}),
+        rf"strike from {N} to {N} m and dip from {N} to {N} m",
+        lambda m: [{"faults.main.initial_stress.shear.strike": [number(m), number(m, 2)],
+                    "faults.main.initial_stress.shear.dip": [number(m, 3), number(m, 4)]}]),
+    "strip beside a surface": Remedy(
+        solid(faults__main__nucleation=[{"kind": "friction_drop", "mu_d": 0.1, "half_width": 1e-4, "center": 0.1}]),
+        rf"the points are from {N} to {N} m",
+        lambda m: [{"faults.main.nucleation.0.center": number(m)}, {"faults.main.nucleation.0.center": number(m, 2)}]),
+    "tip beyond the interface": Remedy(
+        flat(stop_when={"tip_beyond": 1.0}), rf"faults\.main from {N} to {N} m",
+        lambda m: [{"stop_when.tip_beyond": 0.5 * (number(m) + number(m, 2))}]),
+    "grid of receivers": Remedy(
+        flat(instruments=[{"kind": "receiver_grid", "name": "g", "interval": 1e-6, "corner": [1e-3, 1e-3],
+                           "opposite": [9e-3, 3e-3], "spacing": 1e-6}]),
+        rf"at most {N}; make it larger", lambda m: [{"instruments.0.spacing": 1e-3}]),
+    "yield": Remedy(
+        flat(plane="strain", materials__default={
+            **HOMALITE, "kind": "von_mises", "yield_stress": 1e6, "relaxation_time": 1e-6, "initial_stress": [-6e6, -2.3456789e6, 0.0, 0.0, 0.0,
+                                                                                     0.0]}),
+        rf"q = {N} Pa above {N} Pa", lambda m: [{"materials.default.yield_stress": 1.001 * number(m)}]),
+    "data before the run": Remedy(
+        slip_weakening({"order": 1, "instruments": [BODY], "objective": [
+            {**TRACE, "times": [-1.1111111111e-7, 0.0, 2.2e-6], "data": {"velocity": [0.1] * 3}}]}),
+        rf"with begin = {N}", lambda m: [{"objective.0.begin": number(m)}]),
+    "data after the run": Remedy(
+        slip_weakening({"order": 1, "instruments": [BODY], "duration": 1.1111111111111e-6, "objective": [
+            {**TRACE, "times": [2e-7, 1.1111111111111e-6, 2.2e-6], "data": {"velocity": [0.1] * 3}}]}),
+        rf"with end = {N}", lambda m: [{"objective.0.end": number(m)}, {"duration": 2.2e-6}]),
+    "interval of a degree": Remedy(
+        slip_weakening({"order": 1, "objective": [{
+            "kind": "mode_degree", "mode": "crack", "threshold": 0.1, "loaded_end": 1e-3, "far_end": 11e-3,
+            "spacing": 1e-3, "interval": 1.0, "steepness": 1.0}]}),
+        rf"a quarter of duration = {N} s", lambda m: [{"objective.0.interval": number(m) / 4}]),
+    "components of a tensor in 3D": Remedy(
+        solid(faults__main__initial_stress={"tensor": [-6.123456789e6, -5e6, 2e6]}),
+        rf"write \[{N}, {N}, ZZ, {N}, YZ, XZ\]",
+        lambda m: [{"faults.main.initial_stress.tensor": [number(m), number(m, 2), -4e6, number(m, 3), 0.0, 0.0]}]),
+    "components of a tensor in a plane": Remedy(
+        flat(faults__main__initial_stress={"tensor": [-6.123456789e6, -5e6, 2e6, 1e6, 0.0, 0.0]}),
+        rf"write \[{N}, {N}, {N}\]",
+        lambda m: [{"faults.main.initial_stress.tensor": [number(m), number(m, 2), number(m, 3)]}]),
+    "shear that the state cannot carry": Remedy(
+        flat(faults__main__friction={"kind": "rate_and_state_ageing", "a": 0.001, "b": 0.0015, "D_c": 1e-5,
+                                     "f_0": 0.6, "V_0": 1e-6}, faults__main__initial_stress={"normal": 6e6, "shear": 3e7}),
+        rf"= {N} Pa / {N} Pa =",
+        lambda m: [{"faults.main.initial_stress.shear": 0.55 * number(m, 2)},
+                   {"faults.main.initial_stress.normal": number(m) / 0.55},
+                   {"faults.main.friction.theta_initial": 1.0}]),
+    "unit of another kind": Remedy(
+        flat(duration="5 mm"), r"write for example '(.*?)'", lambda m: [{"duration": m[1]}]),
+    "unit of another key": Remedy(
+        slip_weakening({"order": 1, "instruments": [BODY], "objective": [{**TRACE, "data": {"velocity": [0.1, 0.1]}}],
+                        "unknowns": [{"key": "faults.main.friction.D_c", "shape": "number", "bounds": ["1 Pa", "9 Pa"]}]}),
+        r"a value in (\w+) is wanted", lambda m: [{"objective": [], "instruments": [], "unknowns.0.bounds": [f"1e-6 {m[1]}", f"9e-6 {m[1]}"]}]),
+}  # fmt: skip
+
+
+WORDS: dict[str, Remedy] = {
+    "damping twice": Remedy(
+        flat(damping__kelvin_voigt={"fraction": 0.2, "eta": 1e-8}), "remove one of them",
+        lambda m: [{"damping.kelvin_voigt.eta": None}, {"damping.kelvin_voigt.fraction": None}]),
+    "bodies and thickness": Remedy(
+        flat(damping__kelvin_voigt={"eta": 1e-8, "bodies": ["upper"], "thickness": 3e-3}), "give one of them",
+        lambda m: [{"damping.kelvin_voigt.bodies": None}, {"damping.kelvin_voigt.thickness": None}]),
+    "component of another plane": Remedy(
+        flat(boundaries=[{"kind": "driven", "edge": "upper.top", "component": "z", "velocity": 1.0}]),
+        r"moves in (\w+) only", lambda m: [{"boundaries.0.component": axis} for axis in m[1]]),
+    "width and stiffness": Remedy(
+        flat(boundaries=[{"kind": "body_spring", "stiffness": 4e15, "width": 0.1}]), "give one of them",
+        lambda m: [{"boundaries.0.width": None}]),
+    "width in plane stress": Remedy(
+        flat(boundaries=[{"kind": "body_spring", "width": 0.1}]), "use stiffness",
+        lambda m: [{"boundaries.0": {"kind": "body_spring", "stiffness": 4e15}}]),
+    "P wave in antiplane": Remedy(
+        flat(plane="antiplane", boundaries=[{
+            "kind": "incident_wave", "edge": "lower.bottom", "wave": "P", "direction": [0.0, 1.0], "velocity": 1.0,
+            "history": {"kind": "ricker", "frequency": 3e5, "delay": 4e-6}}]),
+        r"S waves only; use '(\w+)'", lambda m: [{"boundaries.0.wave": m[1]}]),
+    "polarisation in a plane": Remedy(
+        flat(boundaries=[{
+            "kind": "incident_wave", "edge": "lower.bottom", "wave": "S", "direction": [0.0, 1.0], "velocity": 1.0,
+            "polarisation": [1.0, 0.0, 0.0], "history": {"kind": "ricker", "frequency": 3e5, "delay": 4e-6}}]),
+        "remove it", lambda m: [{"boundaries.0.polarisation": None}]),
+    "range without a side": Remedy(
+        flat(boundaries=[{"kind": "traction", "edge": "upper.top", "traction": [0.0, -1e6], "x_range": [1e-4, 2e-4]}]),
+        "make it longer", lambda m: [{"boundaries.0.x_range": [0.0, 4e-3]}]),
+    "normal spring in antiplane": Remedy(
+        flat(plane="antiplane", boundaries=[{"kind": "spring", "edge": "lower.bottom", "normal": 1e12}]),
+        "use (tangential)", lambda m: [{"boundaries.0": {"kind": "spring", "edge": "lower.bottom", m[1]: 1e12}}]),
+    "tensor beside the stress of the bodies": Remedy(
+        flat(plane="strain", initial_stress={"kind": "uniform", "tensor": [-5e6, -6e6, 1e6]},
+             faults__main__initial_stress={"tensor": [-5e6, -6e6, 1e6]}), "remove one of them",
+        lambda m: [{"initial_stress": None}, {"faults.main.initial_stress": None}]),
+    "no stress of an interface": Remedy(
+        flat(plane="strain", faults__main__initial_stress=None), "give normal .* or tensor, or",
+        lambda m: [{"faults.main.initial_stress": {"normal": 6e6}},
+                   {"faults.main.initial_stress": {"tensor": [-5e6, -6e6, 1e6]}},
+                   {"initial_stress": {"kind": "uniform", "tensor": [-5e6, -6e6, 1e6]}}]),
+    "stress of the bodies in antiplane": Remedy(
+        flat(plane="antiplane", initial_stress={"kind": "uniform", "tensor": [-5e6, -6e6, 1e6]},
+             faults__main__initial_stress=None), "give normal and shear",
+        lambda m: [{"initial_stress": None, "faults.main.initial_stress": {"normal": 6e6, "shear": 1e6}}]),
+    "normal and tensor": Remedy(
+        flat(faults__main__initial_stress={"normal": 6e6, "tensor": [-5e6, -6e6, 1e6]}), "give either",
+        lambda m: [{"faults.main.initial_stress.tensor": None}, {"faults.main.initial_stress.normal": None}]),
+    "shear without normal": Remedy(
+        flat(faults__main__initial_stress={"shear": 1e6}), "give it, too",
+        lambda m: [{"faults.main.initial_stress.normal": 6e6}]),
+    "rake in a plane": Remedy(
+        flat(faults__main__initial_stress={"normal": 6e6, "shear": 1e6, "rake": 30.0}), "leave it out",
+        lambda m: [{"faults.main.initial_stress.rake": None}]),
+    "rotations beside an interface": Remedy(
+        flat(large_rotations=True), "leave one of them out", lambda m: [{"large_rotations": None}]),
+    "collisions of what does not break": Remedy(
+        block({"collisions": {"kind": "potential"}}), "add (.*)",
+        lambda m: [{"large_rotations": True}]),
+    "order of bodies that break": Remedy(
+        block({"order": 2}), r"set order = (\d)", lambda m: [{"order": int(m[1])}]),
+    "two instruments of one name": Remedy(
+        flat(instruments=[dict(RECEIVER), dict(RECEIVER)]), "give each one of its own",
+        lambda m: [{"instruments.1.name": "other"}]),
+    "two cameras of one name": Remedy(
+        flat(cameras=[dict(SPECKLES), dict(SPECKLES)]),
+        "give each one of its own", lambda m: [{"cameras.1.name": "other"}]),
+    "two attachments of one name": Remedy(
+        flat(attachments=[dict(ROW), dict(ROW)]),
+        "give each one of its own", lambda m: [{"attachments.1.name": "other"}]),
+    "velocity with three components": Remedy(
+        flat(initial_velocity={"upper": [1.0, 0.0, 0.0]}), r"moves in (\w), (\w); give (\d) components",
+        lambda m: [{"initial_velocity.upper": [1.0] * int(m[3])}]),
+    "velocity in steps from rest": Remedy(
+        flat(initial_velocity={"upper": [1.0, 0.0]}, stepper={"kind": "generalized_alpha"}),
+        r"use '(\w+)', or leave it out",
+        lambda m: [{"stepper.kind": m[1]}, {"initial_velocity": None}]),
+    "profile along an interface in a body": Remedy(
+        flat(materials__default__density={"kind": "table", "positions": [-1.0, 1.0], "values": [1246.0, 1246.0]}),
+        r"kind = '(\w+)', axis = '(\w)', profile",
+        lambda m: [{"materials.default.density": {"kind": m[1], "axis": m[2], "profile": {
+            "kind": "table", "positions": [-1.0, 1.0], "values": [1246.0, 1246.0]}}}]),
+    "weights that are zero": Remedy(
+        flat(faults__main__friction__mu_d={"kind": "random_classes", "values": [1e6, 2e6], "weights": [0.0, 0.0],
+                                           "cell": 1e-3, "seed": 3}),
+        "give at least one that is positive", lambda m: [{"faults.main.friction.mu_d.weights": [0.0, 1.0]}]),
+    "constants twice": Remedy(
+        flat(materials__default={**HOMALITE, "c_p": 2100.0, "c_s": 1200.0}),
+        r"give either (\w+) and (\w+) or (\w+) and (\w+)",
+        lambda m: [{f"materials.default.{m[1]}": None, f"materials.default.{m[2]}": None},
+                   {f"materials.default.{m[3]}": None, f"materials.default.{m[4]}": None}]),
+    "operator of rotating bodies": Remedy(
+        block({"large_rotations": True, "operator": "assembled"}),
+        r"operator = '(\w+)',? or '(\w+)'", lambda m: [{"operator": m[1]}, {"operator": m[2]}]),
+    "option of PETSc": Remedy(
+        flat(stepper={"kind": "generalized_alpha", "petsc_options": {"snes_no_such_thing": 3}}), "correct or remove it",
+        lambda m: [{"stepper.petsc_options": {}}]),
+    "options of steps at interfaces": Remedy(
+        rough({"stepper": {"kind": "quasi_static", "petsc_options": {"snes_rtol": 1e-9}}}), "remove them",
+        lambda m: [{"stepper.petsc_options": {}}]),
+    "separate meshes without sliding": Remedy(
+        rough({"faults.main.sliding": None}), r"add the table \[(\S+)\]", lambda m: [{m[1]: {}}]),
+    "forces without sliding": Remedy(
+        flat(output__forces_interval=1e-6), r"add the table \[faults\.NAME\.sliding\], or remove this key",
+        lambda m: [{"output.forces_interval": None}, {"faults.main.sliding": {}, "boundaries": FIXED_BASE}]),
+    "springs that soften a body": Remedy(
+        block({"fracture.stiffness_ratio": 3.0}), r"increase it, or set (fracture\.compensate) = false",
+        lambda m: [{"fracture.stiffness_ratio": 100.0}, {m[1]: False}]),
+    "speckles in antiplane": Remedy(
+        flat(plane="antiplane", cameras=[SPECKLES]), "remove it", lambda m: [{"cameras.0": None}]),
+    "body of a point that is not given": Remedy(
+        flat(instruments=[{**BODY, "interval": 1e-6, "point": [5e-3, 5e-4], "relative_body": "lower"}]), "is of the point (relative_to)",
+        lambda m: [{f"instruments.0.{m[1]}": [5e-3, -5e-4]}]),
+    "gauge in antiplane": Remedy(
+        flat(plane="antiplane", instruments=[{"kind": "strain_gauge", "name": "g", "interval": 1e-6, "point": [5e-3, 2e-3],
+                                              "length": 1e-3, "angles": [0.0]}]),
+        "use a (receiver)", lambda m: [{"instruments.0": {**RECEIVER, "kind": m[1]}}]),
+    "place of a point on two bodies": Remedy(
+        flat(instruments=[{**RECEIVER, "point": [6e-3, 0.0]}]), r"'(\w+)' and '(\w+)' meet there; say in which",
+        lambda m: [{"instruments.0.body": m[1]}, {"instruments.0.body": m[2]}]),
+    "edge that is not there": Remedy(
+        flat(boundaries=[{"kind": "absorbing", "edge": "upper.topp"}]), r"did you mean '(.*?)'",
+        lambda m: [{"boundaries.0.edge": m[1]}]),
+    "key that is not there": Remedy(
+        flat(faults__main__frictoin=RUBS), r"did you mean '(\w+)'",
+        lambda m: [{"faults.main.frictoin": None, f"faults.main.{m[1]}": RUBS}]),
+    "kind that is not there": Remedy(
+        flat(faults__main__friction__kind="colomb"), r"did you mean '(\w+)'",
+        lambda m: [{"faults.main.friction.kind": m[1]}]),
+    "material that is not there": Remedy(
+        flat(materials={"upper": HOMALITE}), r"add \[(\S+)\] or \[(\S+)\]",
+        lambda m: [{m[1]: HOMALITE}, {m[2]: HOMALITE}]),
+    "interface that is not there": Remedy(
+        flat(faults={"mian": {"contact": COMPLIANT, "friction": RUBS, "initial_stress": {"normal": 6e6}}}),
+        r"it has: (\w+)", lambda m: [{"faults": {m[1]: {"contact": COMPLIANT, "friction": RUBS,
+                                                        "initial_stress": {"normal": 6e6}}}}]),
+    "plane of a solid": Remedy(
+        solid(plane="strain", faults__main__initial_stress__shear=1e6), r"use plane = '(\w+)' with three",
+        lambda m: [{"plane": m[1]}]),
+    "two boundaries of one edge": Remedy(
+        flat(boundaries=[{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": v} for v in (1.0, 2.0)]),
+        "remove one of them, or give each its x_range",
+        lambda m: [{"boundaries.1": None}, {"boundaries.0": None},
+                   {"boundaries.0.x_range": [0.0, 6e-3], "boundaries.1.x_range": [6e-3, 12e-3]}]),
+    "load without effect": Remedy(
+        flat(boundaries=[*FIXED_BASE, {"kind": "traction", "edge": "lower.bottom", "traction": [1e6, 0.0]}]),
+        "leave that component out, or remove this entry or what drives",
+        lambda m: [{"boundaries.2": None}, {"boundaries.0": None}]),
+    "half of a dipping fault": Remedy(
+        solid(mesh__half=True, mesh__dip=60.0), "leave out half, or make dip (90)",
+        lambda m: [{"mesh.half": False}, {"mesh.dip": float(m[1])}]),
+    "half of a rough fault": Remedy(
+        solid(mesh__half=True, mesh__height={"kind": "sinusoid", "mean": 0.0, "amplitude": 1e-5, "wavelength": 7e-3}),
+        "leave out half, or height", lambda m: [{"mesh.half": False}, {"mesh.height": 0.0}]),
+    "moduli for other times": Remedy(
+        flat(plane="strain", materials__default={**HOMALITE, "kind": "prony", "times": [1e-6, 1e-5],
+                                                 "shear_moduli": [1e8], "bulk_moduli": [1e8, 1e8]}),
+        "give one for each time", lambda m: [{"materials.default.shear_moduli": [1e8, 1e8]}]),
+    "moduli above that of sudden loading": Remedy(
+        flat(plane="strain", materials__default={**HOMALITE, "kind": "prony", "times": [1e-6], "shear_moduli": [1e12],
+                                                 "bulk_moduli": [1e8]}),
+        r"exceeds the shear modulus (\S+) Pa",
+        lambda m: [{"materials.default.shear_moduli": [0.999 * number(m)]}]),
+    "gamma of another scheme": Remedy(
+        flat(stepper={"kind": "generalized_alpha", "scheme": "hht", "gamma": 0.6}), "remove them",
+        lambda m: [{"stepper.gamma": None}]),
+    "stepper with friction": Remedy(
+        flat(stepper={"kind": "petsc_ts", "scheme": "basicsymplectic"}, damping={"mass": 1e3}), r"use '(\w+)' or '(\w+)'",
+        lambda m: [{"stepper.scheme": m[1]}, {"stepper.scheme": m[2]}]),
+    "ties in one stage": Remedy(
+        flat(boundaries=TIES, stages=[{"duration": 5e-6, "boundaries": []}]), "give the same in",
+        lambda m: [{"stages.0.boundaries": TIES}]),
+    "ties of one body beside an interface": Remedy(
+        flat(boundaries=TIES[:1]), r"add kind = '(\w+)' in .* or remove (\S+)",
+        lambda m: [{"boundaries": [*TIES[:1], {**TIES[1], "kind": m[1]}]}, {m[2]: None}]),
+}  # fmt: skip
+
+
+def refused(table: Table, says: str) -> re.Match[str]:
+    with pytest.raises(RuptfxError) as caught:
+        step(table)
+    found = re.search(says, str(caught.value), re.DOTALL)
+    assert found is not None, str(caught.value)
+    return found
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_printed_numbers_are_accepted(name: str) -> None:
+    table, says, fixes = NUMBERS[name]
+    for changes in fixes(refused(table, says)):
+        step(changed(table, changes))
+
+
+@pytest.mark.parametrize("name", WORDS)
+def test_remedies_are_accepted(name: str) -> None:
+    table, says, fixes = WORDS[name]
+    for changes in fixes(refused(table, says)):
+        step(changed(table, changes))
