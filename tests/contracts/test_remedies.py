@@ -9,15 +9,12 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
 from helpers.crack_cases import HERE, RUBS, block
-from helpers.messages import facts
 from helpers.sliding_cases import rough
-from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, branched, plates, slip_weakening, strike_slip
+from helpers.small_cases import COMPLIANT, HOMALITE, branched, plates, slip_weakening, strike_slip
 
 from ruptfx import RuptfxError, Table
 from ruptfx.case import Case, parse_case
@@ -60,7 +57,8 @@ def changed(table: Table, changes: Changes) -> Table:
 
 
 def step(table: Table) -> None:
-    """Parse a case, make its model and instruments, and take one step; its objective, if there is one, is computed."""
+    """Parse a case, make its model and instruments, and take one step; its objective, if there is one,
+    is computed."""
     case = parse_case(table, HERE)
     if not isinstance(case, Case):
         return
@@ -130,10 +128,12 @@ NUMBERS: dict[str, Remedy] = {
         solid(mesh__height={"kind": "sinusoid", "mean": 0.0, "amplitude": 1.2345678e-3, "wavelength": 7e-3}),
         rf"make distance at least {N},", lambda m: [{"mesh.distance": number(m)}]),
     "elements along a fault": Remedy(
-        solid(mesh__fault_width=0.777777777e-3, faults__main__initial_stress__shear=2e6), rf"make element_size at most {N} m",
+        solid(mesh__fault_width=0.777777777e-3, faults__main__initial_stress__shear=2e6),
+            rf"make element_size at most {N} m",
         lambda m: [{"mesh.element_size": number(m)}]),
     "elements along a branch": Remedy(
-        branched({"mesh.branch_length": 1.23456789e-3, "stepper": {"kind": "leapfrog"}}), rf"make element_size at most {N} m",
+        branched({"mesh.branch_length": 1.23456789e-3, "stepper": {"kind": "leapfrog"}}),
+            rf"make element_size at most {N} m",
         lambda m: [{"mesh.element_size": number(m)}]),
     "shortest wave of a surface": Remedy(
         solid(mesh__height={"kind": "self_affine_surface", "rms": 1e-5, "hurst": 0.8, "length": 0.03, "longest": 0.02,
@@ -144,7 +144,8 @@ NUMBERS: dict[str, Remedy] = {
                                 "shortest": 1e-9, "seed": 3}),
         rf"at most {N} times shortest = {N} m", lambda m: []),
     "quality of P waves": Remedy(
-        flat(plane="strain", materials__default={**HOMALITE, "kind": "standard_linear_solids", "Q_p": 500.0, "Q_s": 33.3,
+        flat(plane="strain", materials__default={**HOMALITE, "kind": "standard_linear_solids", "Q_p": 500.0,
+            "Q_s": 33.3,
              "lowest_frequency": 1e4, "frequency_ratio": 30.0}),
         rf"use at most {N}", lambda m: [{"materials.default.Q_p": number(m)}]),
     "springs of a foundation": Remedy(
@@ -206,7 +207,8 @@ NUMBERS: dict[str, Remedy] = {
     "strip beside a surface": Remedy(
         solid(faults__main__nucleation=[{"kind": "friction_drop", "mu_d": 0.1, "half_width": 1e-4, "center": 0.1}]),
         rf"the points are from {N} to {N} m",
-        lambda m: [{"faults.main.nucleation.0.center": number(m)}, {"faults.main.nucleation.0.center": number(m, 2)}]),
+        lambda m: [{"faults.main.nucleation.0.center": number(m)}, {"faults.main.nucleation.0.center": number(m,
+            2)}]),
     "tip beyond the interface": Remedy(
         flat(stop_when={"tip_beyond": 1.0}), rf"faults\.main from {N} to {N} m",
         lambda m: [{"stop_when.tip_beyond": 0.5 * (number(m) + number(m, 2))}]),
@@ -216,7 +218,8 @@ NUMBERS: dict[str, Remedy] = {
         rf"at most {N}; make it larger", lambda m: [{"instruments.0.spacing": 1e-3}]),
     "yield": Remedy(
         flat(plane="strain", materials__default={
-            **HOMALITE, "kind": "von_mises", "yield_stress": 1e6, "relaxation_time": 1e-6, "initial_stress": [-6e6, -2.3456789e6, 0.0, 0.0, 0.0,
+            **HOMALITE, "kind": "von_mises", "yield_stress": 1e6, "relaxation_time": 1e-6, "initial_stress": [-6e6,
+                -2.3456789e6, 0.0, 0.0, 0.0,
                                                                                      0.0]}),
         rf"q = {N} Pa above {N} Pa", lambda m: [{"materials.default.yield_stress": 1.001 * number(m)}]),
     "data before the run": Remedy(
@@ -242,7 +245,8 @@ NUMBERS: dict[str, Remedy] = {
         lambda m: [{"faults.main.initial_stress.tensor": [number(m), number(m, 2), number(m, 3)]}]),
     "shear that the state cannot carry": Remedy(
         flat(faults__main__friction={"kind": "rate_and_state_ageing", "a": 0.001, "b": 0.0015, "D_c": 1e-5,
-                                     "f_0": 0.6, "V_0": 1e-6}, faults__main__initial_stress={"normal": 6e6, "shear": 3e7}),
+                                     "f_0": 0.6, "V_0": 1e-6}, faults__main__initial_stress={"normal": 6e6,
+                                     "shear": 3e7}),
         rf"= {N} Pa / {N} Pa =",
         lambda m: [{"faults.main.initial_stress.shear": 0.55 * number(m, 2)},
                    {"faults.main.initial_stress.normal": number(m) / 0.55},
@@ -251,8 +255,10 @@ NUMBERS: dict[str, Remedy] = {
         flat(duration="5 mm"), r"write for example '(.*?)'", lambda m: [{"duration": m[1]}]),
     "unit of another key": Remedy(
         slip_weakening({"order": 1, "instruments": [BODY], "objective": [{**TRACE, "data": {"velocity": [0.1, 0.1]}}],
-                        "unknowns": [{"key": "faults.main.friction.D_c", "shape": "number", "bounds": ["1 Pa", "9 Pa"]}]}),
-        r"a value in (\w+) is wanted", lambda m: [{"objective": [], "instruments": [], "unknowns.0.bounds": [f"1e-6 {m[1]}", f"9e-6 {m[1]}"]}]),
+                        "unknowns": [{"key": "faults.main.friction.D_c", "shape": "number", "bounds": ["1 Pa",
+                        "9 Pa"]}]}),
+        r"a value in (\w+) is wanted", lambda m: [{"objective": [], "instruments": [],
+            "unknowns.0.bounds": [f"1e-6 {m[1]}", f"9e-6 {m[1]}"]}]),
 }  # fmt: skip
 
 
@@ -283,7 +289,8 @@ WORDS: dict[str, Remedy] = {
             "polarisation": [1.0, 0.0, 0.0], "history": {"kind": "ricker", "frequency": 3e5, "delay": 4e-6}}]),
         "remove it", lambda m: [{"boundaries.0.polarisation": None}]),
     "range without a side": Remedy(
-        flat(boundaries=[{"kind": "traction", "edge": "upper.top", "traction": [0.0, -1e6], "x_range": [1e-4, 2e-4]}]),
+        flat(boundaries=[{"kind": "traction", "edge": "upper.top", "traction": [0.0, -1e6], "x_range": [1e-4,
+            2e-4]}]),
         "make it longer", lambda m: [{"boundaries.0.x_range": [0.0, 4e-3]}]),
     "normal spring in antiplane": Remedy(
         flat(plane="antiplane", boundaries=[{"kind": "spring", "edge": "lower.bottom", "normal": 1e12}]),
@@ -351,7 +358,8 @@ WORDS: dict[str, Remedy] = {
         block({"large_rotations": True, "operator": "assembled"}),
         r"operator = '(\w+)',? or '(\w+)'", lambda m: [{"operator": m[1]}, {"operator": m[2]}]),
     "option of PETSc": Remedy(
-        flat(stepper={"kind": "generalized_alpha", "petsc_options": {"snes_no_such_thing": 3}}), "correct or remove it",
+        flat(stepper={"kind": "generalized_alpha", "petsc_options": {"snes_no_such_thing": 3}}),
+            "correct or remove it",
         lambda m: [{"stepper.petsc_options": {}}]),
     "options of steps at interfaces": Remedy(
         rough({"stepper": {"kind": "quasi_static", "petsc_options": {"snes_rtol": 1e-9}}}), "remove them",
@@ -367,10 +375,12 @@ WORDS: dict[str, Remedy] = {
     "speckles in antiplane": Remedy(
         flat(plane="antiplane", cameras=[SPECKLES]), "remove it", lambda m: [{"cameras.0": None}]),
     "body of a point that is not given": Remedy(
-        flat(instruments=[{**BODY, "interval": 1e-6, "point": [5e-3, 5e-4], "relative_body": "lower"}]), "is of the point (relative_to)",
+        flat(instruments=[{**BODY, "interval": 1e-6, "point": [5e-3, 5e-4], "relative_body": "lower"}]),
+            "is of the point (relative_to)",
         lambda m: [{f"instruments.0.{m[1]}": [5e-3, -5e-4]}]),
     "gauge in antiplane": Remedy(
-        flat(plane="antiplane", instruments=[{"kind": "strain_gauge", "name": "g", "interval": 1e-6, "point": [5e-3, 2e-3],
+        flat(plane="antiplane", instruments=[{"kind": "strain_gauge", "name": "g", "interval": 1e-6, "point": [5e-3,
+            2e-3],
                                               "length": 1e-3, "angles": [0.0]}]),
         "use a (receiver)", lambda m: [{"instruments.0": {**RECEIVER, "kind": m[1]}}]),
     "place of a point on two bodies": Remedy(
@@ -396,7 +406,8 @@ WORDS: dict[str, Remedy] = {
         solid(plane="strain", faults__main__initial_stress__shear=1e6), r"use plane = '(\w+)' with three",
         lambda m: [{"plane": m[1]}]),
     "two boundaries of one edge": Remedy(
-        flat(boundaries=[{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": v} for v in (1.0, 2.0)]),
+        flat(boundaries=[{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": v} for v in (1.0,
+            2.0)]),
         "remove one of them, or give each its x_range",
         lambda m: [{"boundaries.1": None}, {"boundaries.0": None},
                    {"boundaries.0.x_range": [0.0, 6e-3], "boundaries.1.x_range": [6e-3, 12e-3]}]),
@@ -423,7 +434,8 @@ WORDS: dict[str, Remedy] = {
         flat(stepper={"kind": "generalized_alpha", "scheme": "hht", "gamma": 0.6}), "remove them",
         lambda m: [{"stepper.gamma": None}]),
     "stepper with friction": Remedy(
-        flat(stepper={"kind": "petsc_ts", "scheme": "basicsymplectic"}, damping={"mass": 1e3}), r"use '(\w+)' or '(\w+)'",
+        flat(stepper={"kind": "petsc_ts", "scheme": "basicsymplectic"}, damping={"mass": 1e3}),
+            r"use '(\w+)' or '(\w+)'",
         lambda m: [{"stepper.scheme": m[1]}, {"stepper.scheme": m[2]}]),
     "ties in one stage": Remedy(
         flat(boundaries=TIES, stages=[{"duration": 5e-6, "boundaries": []}]), "give the same in",

@@ -414,6 +414,24 @@ def test_check_looks_beyond_the_overstressed_patch(tmp_path: Path, needs_fem: No
 
 
 @pytest.mark.fem
+@pytest.mark.parametrize("width", [60, 80, 120, None])
+def test_rows_of_check_are_readable_at_any_width(width: int | None, tmp_path: Path, needs_fem: None) -> None:
+    """No word is cut or broken; in a pipe, without COLUMNS, a row is one line."""
+    case = write(tmp_path, table=slip_weakening({"title": "a", "duration": 4e-5}))
+    text = CliRunner(env={"COLUMNS": str(width)} if width else {}).invoke(app, ["check", str(case)]).stdout
+    assert "…" not in text
+    words = text.replace("│", " ").split()
+    for word in ("output.interface_interval", "reflects", "processor", "absorbing,"):
+        assert word in words, word
+    rows = [line for line in text.splitlines() if not line.startswith("warning")]
+    if width:
+        assert max(map(len, rows)) <= width
+    else:
+        (row,) = (line for line in rows if "upper.top: echo" in line)
+        assert "us" in row and "belong to the experiment" in row
+
+
+@pytest.mark.fem
 def test_check_counts_points_in_the_process_zone(needs_fem: None) -> None:
     from ruptfx.app.checks.preflight import preflight
     from ruptfx.case import parse_case

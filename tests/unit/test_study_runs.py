@@ -198,6 +198,15 @@ def test_a_crash_is_reported_with_signal_last_line_and_point(tmp_path: Path) -> 
     assert not (tmp_path / "out" / ".lock").exists()
 
 
+def test_a_study_is_listed_as_one_row(tmp_path: Path) -> None:
+    run(tmp_path, [2.0, 13.0], out="studies/map")
+    listed = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["list", str(tmp_path / "studies")])
+    (row,) = listed.output.splitlines()[1:]
+    assert str(tmp_path / "studies" / "map") in row and "study, 4 points, 2 failed" in row
+    points = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["list", str(tmp_path / "studies" / "map" / "points")])
+    assert len(points.output.splitlines()) == 5  # with a head
+
+
 def test_time_limit(tmp_path):
     found = run(tmp_path, [17.0], [1e6], top="time_limit = 0.5")
     assert found.points[0][1]["error"] .startswith("took longer than time_limit = 0.5 s")

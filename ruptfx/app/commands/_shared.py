@@ -21,11 +21,20 @@ from ruptfx.platform.terminal import console
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+    from rich.console import Console
 
     from ruptfx.results.outputs import Outputs
 
 screen = console()
 errors = console(stderr=True)
+
+PIPE = 10_000  # columns of an output that is no terminal: each row of a table is one line
+
+
+def table_console() -> Console:
+    """Return the console of tables, as wide as they are where the output is neither a terminal nor has COLUMNS."""
+    return screen if screen.is_terminal or "COLUMNS" in os.environ else console(width=PIPE)
+
 
 CaseFile = Annotated[Path, typer.Argument(help="Case file (TOML).", show_default=False)]
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import typer
 from rich.table import Column, Table
 
-from ruptfx.app.commands._shared import EXIT_ERROR, CaseFile, Overrides, begin, reported, screen
+from ruptfx.app.commands._shared import EXIT_ERROR, PIPE, CaseFile, Overrides, begin, reported, screen, table_console
 from ruptfx.input.quantities import factor, with_prefix
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 HEADING = "Compute"
 
+NARROW = 100  # columns below which notes are not beside the values
 COLOURS = {"error": "red", "warning": "yellow"}
 
 
@@ -46,20 +48,35 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             from ruptfx.app.checks.preflight import preflight
 
             rows = merged(list(preflight(parsed)))
-        note = Column("note", overflow="fold")
-        table = Table("quantity", "value", "unit", note, title=parsed.title or str(case), title_justify="left")
         said = [row for row in rows if row.verdict != "ok"]
-        for row in rows:
-            value, unit = engineering(row)
-            text = readable(row.note) if row.verdict == "ok" else f"{row.verdict} {said.index(row) + 1}, below"
-            table.add_row(row.quantity, value, unit, text, style=COLOURS.get(row.verdict, ""))
-        screen.print(table)
+        notes = [readable(row.note) if row.verdict == "ok" else f"{row.verdict} {said.index(row) + 1}, below"
+                 for row in rows]  # fmt: skip
+        _print(rows, notes, parsed.title or str(case))
         for order, row in enumerate(said, 1):
             value = " ".join(filter(None, engineering(row)))
             sentence = f"{row.verdict} {order}: {row.quantity} = {value}: {readable(row.note)}"
             screen.print(sentence, style=COLOURS[row.verdict], soft_wrap=True)
         if any(row.verdict == "error" for row in said):
             raise typer.Exit(EXIT_ERROR)
+
+
+def _print(rows: list[Row], notes: list[str], title: str) -> None:
+    """Print a table; in a narrow terminal notes that do not fit are below their rows, in a pipe a row is one line."""
+    out = table_console()
+    if NARROW <= out.width < PIPE:
+        table = Table("quantity", "value", "unit", Column("note", overflow="fold"), title=title, title_justify="left")
+        for row, note in zip(rows, notes, strict=True):
+            table.add_row(row.quantity, *engineering(row), note, style=COLOURS.get(row.verdict, ""))
+        out.print(table)
+        return
+    out.print(title, style="italic", soft_wrap=True)
+    first = min(max(len(row.quantity) for row in rows), out.width // 2)
+    for row, note in zip(rows, notes, strict=True):
+        head = f"{row.quantity:<{first}}  {' '.join(filter(None, engineering(row))):<14}"
+        fits = len(head) + 2 + len(note) <= out.width
+        lines = textwrap.wrap(note, out.width - 4, break_on_hyphens=False, break_long_words=False)
+        for line in [f"{head}  {note}"] if fits else [head, *(f"    {line}" for line in lines)]:
+            out.print(line.rstrip(), style=COLOURS.get(row.verdict, ""), soft_wrap=True)
 
 
 def merged(rows: list[Row]) -> list[Row]:

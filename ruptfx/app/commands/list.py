@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import fcntl
+import json
 from contextlib import suppress
 from pathlib import Path
 from stat import S_ISREG
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import reported, screen
+from ruptfx import Table as Tables
+from ruptfx.app.commands._shared import reported, screen, table_console
 
 HEADING = "Post-process"
 
@@ -21,25 +23,51 @@ def list(
     directory: Annotated[Path, typer.Argument(help="Folder that contains run directories.")] = Path("runs"),
     quick: Annotated[bool, typer.Option("--quick", help="Do not compare files with their checksums.")] = False,
 ) -> None:
-    """List the runs below a directory: status, sliding mode, newest checkpoint, size; check their files.
+    """List the runs and studies below a directory: status, mode, newest checkpoint, size; check the files of runs.
+
+    A study is one row with the number of its points; kept runs of points are listed with its folder points.
 
     Example: ruptfx list runs --quick
     """
     with reported():
         from ruptfx.results.directories import NEW
 
-        found = sorted(path.parent for path in directory.rglob("case.toml") if NEW not in path.parts)
-        if not found:
+        studies = [path.parent for path in directory.rglob("study.json") if (path.parent / "points").is_dir()]
+        of_studies = {study / "points" for study in studies}
+        found = sorted(path.parent for path in directory.rglob("case.toml")
+                       if NEW not in path.parts and of_studies.isdisjoint(path.parents))  # fmt: skip
+        if not found and not studies:
             raise RuptfxError(f"{directory}: no runs below it; give the directory that holds them")
-        table = Table("run", "status", "mode", "checkpoint", "size", "title", box=None, pad_edge=False)
+        run = Column("run", overflow="fold")
+        table = Table(run, "status", "mode", "checkpoint", "size", "title", box=None, pad_edge=False)
+        for study in sorted(studies):
+            table.add_row(str(study), *_study_row(study))
         damages = []
         for run in found:
             row, damage = _row(run, quick)
             table.add_row(str(run), *row)
             damages += [damage] * bool(damage)
-        screen.print(table)
+        table_console().print(table)
         for damage in damages:
             screen.print(damage, soft_wrap=True, markup=False, highlight=False)
+
+
+def _study_row(study: Path) -> tuple[str, str, str, str, str]:
+    """Return the cells of a study: its finished and failed points."""
+    results = [_json(path) for path in (study / "points").glob("[!.]*/result.json")]
+    failed = sum(result.get("status") == "failed" for result in results)
+    status = f"study, {len(results)} points" + f", {failed} failed" * bool(failed) + ", running" * _in_use(study)
+    title = str(_json(study / "study.json").get("study", {}).get("title", ""))
+    return status, "", "", f"{_size(study) / 1e6:.1f} MB", title
+
+
+def _json(path: Path) -> Tables:
+    """Return the table of a JSON file, empty if it is damaged."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _row(run: Path, quick: bool) -> tuple[tuple[str, str, str, str, str], str]:
@@ -78,14 +106,23 @@ def _size(run: Path) -> int:
 
 
 def _status(run: Path, complete: bool) -> str:
-    from ruptfx.results.directories import LOCK, NEW
+    from ruptfx.results.directories import NEW
 
     replaced = (run / NEW / "case.toml").is_file()
+    if _in_use(run):
+        return "complete, being replaced" if complete and replaced else "complete" if complete else "running"
+    return "complete, its replacement stopped" if complete and replaced else "complete" if complete else "stopped"
+
+
+def _in_use(directory: Path) -> bool:
+    """Return whether a process holds the lock of a run or a study."""
+    from ruptfx.results.directories import LOCK
+
     try:
-        with (run / LOCK).open() as file:
+        with (directory / LOCK).open() as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        return "complete, being replaced" if complete and replaced else "complete" if complete else "running"
+        return True
     except OSError:
         pass
-    return "complete, its replacement stopped" if complete and replaced else "complete" if complete else "stopped"
+    return False
