@@ -196,8 +196,9 @@ def scaled_by_powers_of_two(table: Table, rng: np.random.Generator) -> Changed:
 
 
 def _reversed_keys(node: Any) -> Any:
+    """Return a table with its keys reversed, but for the bodies of a mesh, in whose order they are in files."""
     if isinstance(node, dict):
-        return {key: _reversed_keys(node[key]) for key in reversed(node)}
+        return {key: node[key] if key == "bodies" else _reversed_keys(node[key]) for key in reversed(node)}
     return [_reversed_keys(each) for each in node] if isinstance(node, list) else node
 
 

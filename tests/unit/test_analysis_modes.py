@@ -43,6 +43,15 @@ def test_mode(name, seed):
         assert found.regime == "supershear"
 
 
+def test_without_an_impact_points_count_from_the_threshold_of_the_case_on():
+    """A crack in nanometres per second: the threshold is 2 % of the median of the largest rates above `quiet`."""
+    field = 1e-9 * np.maximum(synthetic.crack(TIME, POSITION), 0)
+    speeds = {name: value for name, value in DRIVEN.items() if name != "V_imp"}
+    assert modes.classify(field, TIME, POSITION, **speeds).mode == "none"
+    found = modes.classify(field, TIME, POSITION, quiet=1e-12, **speeds)
+    assert found.mode == "crack" and found.threshold == pytest.approx(0.02 * np.median(field.max(axis=0)), rel=0.02)
+
+
 @pytest.mark.parametrize("name", ["crack", "pulse", "train"])
 def test_positions_on_a_map_change_nothing(name):
     """Positions that begin at 500 km have an error of 6e-11 m; a fifth of the way of the tip ends at a point."""

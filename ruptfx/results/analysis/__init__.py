@@ -8,7 +8,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table
 from ruptfx.results.analysis.energy import budget
-from ruptfx.results.analysis.modes import Modes, classify
+from ruptfx.results.analysis.modes import QUIET, Modes, classify
 from ruptfx.results.analysis.resolution import peak_is_resolved
 from ruptfx.results.analysis.surface import (
     all_surfaces,
@@ -94,7 +94,7 @@ def modes_of(record: Files, interface: str | None = None) -> Modes:
     rate, origin = sliding_rate(record, interface), rupture_origin(record, interface)[0]
     return classify(
         rate, data["time"].values, data["position"].values, loaded_end=origin, V_imp=data.attrs.get("V_imp"),
-        **wave_speeds(data),
+        quiet=float(data.attrs.get("rupture_threshold", QUIET)), **wave_speeds(data),
     )
 
 

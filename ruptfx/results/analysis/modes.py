@@ -65,7 +65,7 @@ from ruptfx.results.analysis.front import (
 from ruptfx.results.analysis.resolution import FIT, NOT_RESOLVED, Doubts, find_doubts
 
 LEVEL = 0.02  # of the driven speed: slip-rate threshold of sliding
-QUIET = 1e-3  # m/s; smallest threshold without a driven boundary
+QUIET = 1e-3  # m/s; default of `output.rupture_threshold`
 LOADING, END = 0.2, 0.98  # parts of the tip's way between which modes and speeds are evaluated
 MIN_POINTS = 5
 DEGREES = ("crack", "pulse", "train", "pulses_into_crack")
@@ -164,6 +164,7 @@ def classify(
     c_p: float | Array | None = None,
     fastest: float | Array | None = None,
     level: float = LEVEL,
+    quiet: float = QUIET,
 ) -> Modes:
     """Classify the sliding of one run; see the definitions at the top of this module.
 
@@ -184,6 +185,9 @@ def classify(
         Speed of the fastest wave [m/s]; no tip is faster. Default: `c_p`.
     level : float
         Threshold as a fraction of `V_imp`.
+    quiet : float
+        Without `V_imp` the threshold is a fraction of the median of the largest slip rates of the points that are
+        faster than this [m/s].
 
     Raises
     ------
@@ -193,9 +197,9 @@ def classify(
     _check(slip_rate, time, position)
     origin = position[0] if loaded_end is None else loaded_end
     magnitude = median3(np.abs(slip_rate))
-    side, distance = _away(magnitude, position, origin, _reference(slip_rate, V_imp) * level)
+    side, distance = _away(magnitude, position, origin, _reference(slip_rate, V_imp, quiet) * level)
     rate = magnitude[:, side]
-    threshold = level * _reference(rate, V_imp)
+    threshold = level * _reference(rate, V_imp, quiet)
     full = _at_threshold(rate, time, distance, threshold)
     half = _at_threshold(rate, time, distance, threshold / 2)
     # The votes of both thresholds count equally.
@@ -424,13 +428,13 @@ def _longest_run(flags: Array) -> tuple[int, int]:
     return int(starts[longest]), int(stops[longest])
 
 
-def _reference(rate: Array, V_imp: float | None) -> float:
+def _reference(rate: Array, V_imp: float | None, quiet: float) -> float:
     """Return the slip rate of which thresholds are fractions [m/s]."""
     if V_imp:
         return abs(V_imp)
     peak = np.abs(rate).max(axis=0)
-    slid = peak > QUIET
-    return float(np.median(peak[slid])) if slid.any() else QUIET / LEVEL
+    slid = peak > quiet
+    return float(np.median(peak[slid])) if slid.any() else quiet / LEVEL
 
 
 def _away(rate: Array, position: Array, origin: float, threshold: float) -> tuple[Array, Array]:
