@@ -445,7 +445,8 @@ class Alternative(Part):
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         # The contract itself writes every method: its own maps hold for the classes below it.
-        above, written = super(cls, cls), _written(cls)
+        above: Any = super(cls, cls)
+        written = _written(cls)
         cls.offers |= {capability for name, capability in above.offers_with.items() if name in written}
         cls.needs |= {capability for name, capability in above.needs_with.items() if name in written}
         for former, name in cls.former_attributes.items():

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.integrate import RK45
-from scipy.linalg import lu_factor, lu_solve
 
 from ruptfx.input.fields import MONITORS, Moment
 from ruptfx.input.schema import CaseError
@@ -19,12 +17,12 @@ from ruptfx.laws.contact import Way
 from ruptfx.laws.friction import AT_REST
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
-from ruptfx.stepping.implicit.compliance import Compliance, Jumps, norm
 from ruptfx.stepping.implicit.condensed import MAX_UNKNOWNS, fits
+from ruptfx.stepping.implicit.loaded_bodies import LoadedBodies
 from ruptfx.stepping.implicit.solution import Solution
-from ruptfx.stepping.implicit.solvers import TOLERANCE
 from ruptfx.stepping.steppers import Stepper
 from ruptfx.stepping.steppers._evolution import evolution_of
+from ruptfx.stepping.steppers._runge_kutta import attempt, following, shortened
 from ruptfx.stepping.steppers._slow import SlowMotion
 
 if TYPE_CHECKING:
@@ -32,10 +30,8 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.faults.fault import Fault
     from ruptfx.interfaces.mechanisms.system import System
 
-MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
 OPENS = 0.01  # part of its initial normal stress below which a fault counts as opening
 LEAST = 1e-14  # smallest step over time, close to rounding
-IMMOBILE = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
 
 
 class QuasiDynamic(Stepper):
@@ -80,54 +76,17 @@ class QuasiDynamicMotion(SlowMotion):
                 f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MAX_UNKNOWNS} "
                 "unknowns of all faults; use 'quasi_static', or fewer nodes"
             )
-        self._stepper, self._jumps = stepper, Jumps(model)
+        self._stepper = stepper
         self._unbalanced: ConvergenceError | None = None
         self._greatest = stepper.largest_step or model.case.duration / 100
-        local, self._shear = self._jumps.local, slice(int(model.faults[0].interface.has_normal), None)
-        stuck = {
-            fault.name: self.equilibrium.body_stiffness(fault.interface, None)[:, None, None] * np.eye(local)
-            for fault in model.faults
-        }
-        self._bodies = Compliance(model, self._jumps, self.equilibrium.tangent, (0.0, 0.0), stuck)
+        self._shear = slice(int(model.faults[0].interface.has_normal), None)
+        self._bodies = LoadedBodies(self.equilibrium, self._shear, self._greatest)
+        self._jumps = self._bodies.jumps
         self._strengths = {fault.name: StrengthAtState(fault.friction) for fault in model.faults}
         self._evolutions = {fault.name: evolution_of(model, fault) for fault in model.faults}
         self._states = max(evolution.columns for evolution in self._evolutions.values())
         self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
-        self._make_matrices()
-        time = self._time_of_loads()
-        self._reference = self._loads(time), self._jump_under(self._loads(time), time)
         self.dt = min(stepper.first_step or self._first_step(), self._greatest)
-
-    def _make_matrices(self) -> None:
-        """Compute tractions per jump of loaded bodies with stuck faults, and per slip.
-
-        With k the stiffness of stuck faults in A and g_F = J A^-1 F the jump under the loads, bodies have the jump
-        g = g_F - S (t - k g) under tractions t; contact of compliance c has g = s + c t. Hence
-        (S (1 - k c) + c) t = g_F - (1 - S k) s.
-        """
-        jumps, bodies = self._jumps, self._bodies
-        size = jumps.points * jumps.local
-        S = bodies.blocks.transpose(2, 0, 3, 1).reshape(size, size)
-        k = np.diagonal(bodies.stuck, axis1=1, axis2=2).ravel()
-        self._compliance = self._of_all(compliance)
-        c = self._compliance.ravel()
-        factors = lu_factor(S * (1 - k * c) + np.diag(c), overwrite_a=True)
-        self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
-        own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, self._shear]
-        self._prescribed = np.any(own < IMMOBILE * own.max(), axis=1)
-
-    def _time_of_loads(self) -> float:
-        """Return the first of the largest step, its double and so on at which loads act [s]; collective.
-
-        It does not depend on the duration, because products with the jump at this time must be bitwise the same in a
-        run that is made longer.
-        """
-        time = self._greatest
-        while time < self.model.case.duration:
-            if parallel.anywhere(self.model.comm, any(bool(each.any()) for each in self._loads(time))):
-                break
-            time *= 2
-        return time
 
     def _first_step(self) -> float:
         fastest = self._of_all(lambda fault: self._carried_rate(fault, fault.initial_state()))
@@ -184,7 +143,7 @@ class QuasiDynamicMotion(SlowMotion):
             end, answer, error = self._attempt(state.time, dt, start)
             if error <= 1:
                 break
-            dt *= max(MOST_SHRINKING, SAFETY * error**-0.2)
+            dt = shortened(dt, error)
             if dt < LEAST * (state.time + self._greatest):
                 raise ConvergenceError(
                     f"no step is short enough at time {state.time:.9g} s, down to {dt:.3g} s; use stepper.kind = "
@@ -193,7 +152,7 @@ class QuasiDynamicMotion(SlowMotion):
         solution = self._solution(state, dt, end, *answer)
         self.count_radiation(state, solution)
         self.take(state, solution)
-        state.numbers["dt"] = dt * min(MOST_GROWTH, SAFETY * max(error, 1e-10) ** -0.2)
+        state.numbers["dt"] = following(dt, error)
 
     def _refuse_to_open(self, state: State) -> None:
         for fault in self.model.faults:
@@ -208,21 +167,24 @@ class QuasiDynamicMotion(SlowMotion):
         self, time: float, dt: float, start: np.ndarray
     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
         """Return slip and state, tractions and slip rates at the end of a step, and the error over the tolerance."""
-        loaded, later = self._loaded_jump(time), self._loaded_jump(time + dt)
+        loaded, later = self._bodies.loaded_jump(time), self._bodies.loaded_jump(time + dt)
         growth = (later - loaded) / dt  # loads are linear in time over a step
-        slopes = np.zeros((len(RK45.B) + 1, *start.shape))
-        for stage, weights in enumerate([*RK45.A, RK45.B]):
-            y = start + dt * np.tensordot(weights[:stage], slopes[:stage], 1)
-            part = RK45.C[stage] if stage < len(RK45.C) else 1.0
-            slopes[stage], *answer = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
-            if stage == 0 and not np.isfinite(slopes[0]).all():  # no step is short enough
+        answer = np.zeros(0), np.zeros(0)  # at the last stage
+
+        def slope(part: float, y: np.ndarray) -> np.ndarray:
+            nonlocal answer
+            slopes, *at = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
+            answer = at[0], at[1]
+            if part == 0 and not np.isfinite(slopes).all():  # no step is short enough
                 parallel.raise_on_all(self.model.comm, self._unbalanced)
-        wrong = np.abs(dt * np.tensordot(RK45.E, slopes, 1))
+            return slopes
+
+        y, wrong = attempt(slope, start, dt)
         shear = y.shape[1] - self._states
         wrong[:, :shear] /= self._D_c[:, None]
         wrong[:, shear:] = self._of_all(lambda fault: self._errors(fault, time + dt, y, wrong, *answer))
         error = float(self._agreed(wrong.max(initial=0.0))) / self._stepper.tolerance
-        return self._agreed(y), (answer[0], answer[1]), error if np.isfinite(error) else np.inf
+        return self._agreed(y), answer, error if np.isfinite(error) else np.inf
 
     def _errors(
         self, fault: Fault, time: float, y: np.ndarray, wrong: np.ndarray, traction: np.ndarray, rate: np.ndarray
@@ -243,13 +205,11 @@ class QuasiDynamicMotion(SlowMotion):
         Shapes (points, tangents + states), (points, local) and (points, tangents); NaN without a rate, or on opening.
         """
         shear = y.shape[1] - self._states
-        slip = self._with_normal(y[:, :shear])
-        traction = self._by_jump @ loaded.ravel() - self._by_slip @ slip.ravel()
-        traction = self._agreed(traction.reshape(slip.shape))
+        traction = self._agreed(self._bodies.traction(loaded, y[:, :shear]))
         found, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
-                whole = (y[:, shear:], traction, growth, self._guess, self._prescribed)
+                whole = (y[:, shear:], traction, growth, self._guess, self._bodies.prescribed)
                 found[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
         columns = self._jumps.gather(found)
         rate, ageing, traction = np.split(columns, np.cumsum([shear, self._states]), axis=1)
@@ -310,86 +270,18 @@ class QuasiDynamicMotion(SlowMotion):
         pressure = fault.normal_stress_0 - (traction[:, 0] if fault.interface.has_normal else 0.0)
         return pressure, fault.driving_shear(time) + traction[:, self._shear]
 
-    def _with_normal(self, slip: np.ndarray) -> np.ndarray:
-        """Return slip with a zero normal component where faults have one, shape (points, local)."""
-        whole = np.zeros((self._jumps.points, self._jumps.local))
-        whole[:, self._shear] = slip
-        return whole
-
-    def _loaded_jump(self, time: float) -> np.ndarray:
-        """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
-
-        For proportional loads, such as plates with a constant velocity, it is a multiple of the jump at a reference
-        time.
-        """
-        model, dot, (last, jump) = self.model, self.model.layout.owned_dot, self._reference
-        given = self._loads(time)
-        products = [[dot(new, old), dot(old, old)] for new, old in zip(given, last, strict=True)]
-        along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))
-        part = float(along / square) if square > 0 else 0.0
-        same = all(np.allclose(new, part * old, 1e-12, 0.0) for new, old in zip(given, last, strict=True))
-        return self._jump_under(given, time) if parallel.anywhere(model.comm, not same) else np.asarray(part * jump)
-
-    def _loads(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return nodal forces [N] and the displacement of driven edges [m]."""
-        model = self.model
-        return self.equilibrium.forces.load(time), model.loads.moved(np.zeros(len(model.mass)), 0.0, time)
-
-    def _jump_under(self, given: tuple[np.ndarray, np.ndarray], time: float) -> np.ndarray:
-        """Return the jump of `_loaded_jump` by a solution for the given loads."""
-        moved = given[1]
-        return self._jumps.of(self._balanced(moved, time, self._of_stuck(self._jumps.of(moved))))
-
-    def _of_stuck(self, jump: np.ndarray) -> np.ndarray:
-        """Return k times a jump [Pa], both of shape (points, local)."""
-        return np.asarray(np.einsum("pij,pj->pi", self._bodies.stuck, jump))
-
-    def _balanced(self, u: np.ndarray, time: float, push: np.ndarray) -> np.ndarray:
-        """Return the displacement in equilibrium with the loads of a time [m], from one with driven edges in place.
-
-        Parameters
-        ----------
-        push : ndarray, shape (points, local)
-            t - k (g - J u), with the tractions t and the jump g at the end [Pa].
-        """
-        force = self.equilibrium.forces.load(time) + self.model.internal_force(u)
-        return np.asarray(u + self._bodies.solve(force - self._jumps.force(push, len(u))))
-
     def _solution(
         self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
     ) -> Solution:
         """Return the solution of a step from slip and state, tractions and slip rates at its end."""
         model, jumps, time = self.model, self._jumps, state.time + dt
-        jump = self._with_normal(end[:, : end.shape[1] - self._states]) + self._compliance * traction
         moved = model.loads.moved(state.displacement, state.time, time)
-        u = self._balanced(moved, time, traction - self._of_stuck(jump - jumps.of(moved)))
-        internal = jumps.force(traction, len(u)) - model.internal_force(u)
-        self._require_balance(u, internal, time)
+        u, internal = self._bodies.displacement(moved, time, end[:, : end.shape[1] - self._states], traction)
         faults = {}
         for fault in model.faults:
             given = (jumps.pick(each, fault.name) for each in (end, traction, rate))
             faults[fault.name] = self._fields(fault, state, dt, *given)
         return Solution(u, internal, faults, dt, 0, 1, [], 0.0, self.equilibrium.answers)
-
-    def _require_balance(self, u: np.ndarray, internal: np.ndarray, time: float) -> None:
-        """Check that free nodes are in equilibrium after two linear solves; collective.
-
-        Raises
-        ------
-        ConvergenceError
-            On all ranks.
-        """
-        model, load = self.model, self.equilibrium.forces.load(time)
-        internal, load = model.layout.reduce_tied(internal), model.layout.reduce_tied(load)
-        residual = np.where(model.loads.prescribed, 0.0, internal - load)
-        left, *sizes = (norm(model, each) for each in (residual, internal, load))
-        allowed = max(10 * TOLERANCE * max(sizes), self.equilibrium.rounding(u))
-        if not left <= allowed:
-            raise ConvergenceError(
-                f"bodies are out of balance by {left:.3g} N of {max(sizes):.3g} N at time {time:.9g} s, {allowed:.3g} "
-                "N is allowed: their stiffness cannot be factorised well; let boundaries hold every body, or use "
-                "stepper.kind = 'quasi_static'"
-            )
 
     def _fields(
         self, fault: Fault, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
@@ -415,9 +307,3 @@ class QuasiDynamicMotion(SlowMotion):
 def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:
     """Return the slip rate [m/s], shape (n,)."""
     return np.asarray(np.linalg.norm(fault.components(fields, "slip_rate"), axis=1))
-
-
-def compliance(fault: Fault) -> np.ndarray:
-    """Return the jump per traction of the contact [m/Pa], shape (n, local)."""
-    normal, shear = (1 / each for each in fault.contact.stiffness())
-    return np.tile([normal] * fault.interface.has_normal + [shear] * fault.tangents, (len(fault.interface.plus), 1))

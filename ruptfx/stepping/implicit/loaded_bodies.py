@@ -1,0 +1,174 @@
+"""Tractions of interfaces from their slip and the loads of linear bodies, by matrices computed once.
+
+With k the stiffness of stuck interfaces in A and g_F = J A^-1 F the jump under the loads, bodies have the jump
+g = g_F - S (t - k g) under tractions t; contact of compliance c has g = s + c t with the slip s. Hence
+(S (1 - k c) + c) t = g_F - (1 - S k) s.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lu_factor, lu_solve
+
+from ruptfx.platform import parallel
+from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit.compliance import Compliance, Jumps, norm
+from ruptfx.stepping.implicit.condensed import blockwise_product
+from ruptfx.stepping.implicit.solvers import TOLERANCE
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.faults.fault import Fault
+    from ruptfx.stepping.implicit.equilibrium import Equilibrium
+
+IMMOBILE = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
+
+
+class LoadedBodies:
+    """Linear bodies in equilibrium with their loads and with elastic contact of known slip.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    shear : slice
+        Tangential components of a jump.
+    time : float
+        First time at which loads are compared with others [s]; see `_time_of_loads`.
+
+    Attributes
+    ----------
+    jumps : Jumps
+    prescribed : ndarray of bool, shape (points,)
+        True at points whose slip follows the motion of the bodies.
+    """
+
+    def __init__(self, equilibrium: Equilibrium, shear: slice, time: float) -> None:
+        self._equilibrium, self._model = equilibrium, equilibrium.model
+        self.jumps, self._shear = Jumps(self._model), shear
+        jumps, faults = self.jumps, self._model.faults
+        stuck = {
+            fault.name: equilibrium.body_stiffness(fault.interface, None)[:, None, None] * np.eye(jumps.local)
+            for fault in faults
+        }
+        bodies = Compliance(self._model, jumps, equilibrium.tangent, (0.0, 0.0), stuck)
+        self.solve, self._stuck = bodies.solve, bodies.stuck
+        size = jumps.points * jumps.local
+        S = bodies.blocks.transpose(2, 0, 3, 1).reshape(size, size)
+        k = np.diagonal(bodies.stuck, axis1=1, axis2=2).ravel()
+        self._compliance = jumps.gather({fault.name: compliance(fault) for fault in faults})
+        c = self._compliance.ravel()
+        factors = lu_factor(S * (1 - k * c) + np.diag(c), overwrite_a=True)
+        self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
+        own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, shear]
+        self.prescribed = np.any(own < IMMOBILE * own.max(), axis=1)
+        time = self._time_of_loads(time)
+        self._reference = self._loads(time), self._jump_under(self._loads(time), time)
+
+    def _time_of_loads(self, time: float) -> float:
+        """Return the first of a time, its double and so on at which loads act [s]; collective.
+
+        It does not depend on the duration, because products with the jump at this time must be bitwise the same in a
+        run that is made longer.
+        """
+        while time < self._model.case.duration:
+            if parallel.anywhere(self._model.comm, any(bool(each.any()) for each in self._loads(time))):
+                break
+            time *= 2
+        return time
+
+    def traction(self, loaded: np.ndarray, slip: np.ndarray) -> np.ndarray:
+        """Return T - T_0 [Pa], shape (points, local).
+
+        Parameters
+        ----------
+        loaded : ndarray, shape (points, local)
+            Jump under the loads with stuck interfaces, `loaded_jump` [m].
+        slip : ndarray, shape (points, tangents)
+            [m]
+        """
+        traction = self._by_jump @ loaded.ravel() - self._by_slip @ self._with_normal(slip).ravel()
+        return np.asarray(traction.reshape(loaded.shape))
+
+    def _with_normal(self, slip: np.ndarray) -> np.ndarray:
+        """Return slip with a zero normal component where faults have one, shape (points, local)."""
+        whole = np.zeros((self.jumps.points, self.jumps.local))
+        whole[:, self._shear] = slip
+        return whole
+
+    def loaded_jump(self, time: float) -> np.ndarray:
+        """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
+
+        For proportional loads, such as plates with a constant velocity, it is a multiple of the jump at a reference
+        time.
+        """
+        model, dot, (last, jump) = self._model, self._model.layout.owned_dot, self._reference
+        given = self._loads(time)
+        products = [[dot(new, old), dot(old, old)] for new, old in zip(given, last, strict=True)]
+        along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))
+        part = float(along / square) if square > 0 else 0.0
+        same = all(np.allclose(new, part * old, 1e-12, 0.0) for new, old in zip(given, last, strict=True))
+        return self._jump_under(given, time) if parallel.anywhere(model.comm, not same) else np.asarray(part * jump)
+
+    def _loads(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return nodal forces [N] and the displacement of driven edges [m]."""
+        moved = self._model.loads.moved(np.zeros(len(self._model.mass)), 0.0, time)
+        return self._equilibrium.forces.load(time), moved
+
+    def _jump_under(self, given: tuple[np.ndarray, np.ndarray], time: float) -> np.ndarray:
+        """Return the jump of `loaded_jump` by a solution for the given loads."""
+        moved = given[1]
+        return self.jumps.of(self._balanced(moved, time, blockwise_product(self._stuck, self.jumps.of(moved))))
+
+    def _balanced(self, u: np.ndarray, time: float, push: np.ndarray) -> np.ndarray:
+        """Return the displacement in equilibrium with the loads of a time [m], from one with driven edges in place.
+
+        Parameters
+        ----------
+        push : ndarray, shape (points, local)
+            t - k (g - J u), with the tractions t and the jump g at the end [Pa].
+        """
+        force = self._equilibrium.forces.load(time) + self._model.internal_force(u)
+        return np.asarray(u + self.solve(force - self.jumps.force(push, len(u))))
+
+    def displacement(
+        self, moved: np.ndarray, time: float, slip: np.ndarray, traction: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacement [m] and internal force [N] from slip and tractions; collective.
+
+        Parameters
+        ----------
+        moved : ndarray, shape (nodes * components,)
+            A displacement with driven edges in place [m].
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks: bodies out of balance.
+        """
+        jumps = self.jumps
+        jump = self._with_normal(slip) + self._compliance * traction
+        u = self._balanced(moved, time, traction - blockwise_product(self._stuck, jump - jumps.of(moved)))
+        internal = jumps.force(traction, len(u)) - self._model.internal_force(u)
+        self._require_balance(u, internal, time)
+        return u, internal
+
+    def _require_balance(self, u: np.ndarray, internal: np.ndarray, time: float) -> None:
+        """Check that free nodes are in equilibrium after two linear solves; collective."""
+        model, load = self._model, self._equilibrium.forces.load(time)
+        internal, load = model.layout.reduce_tied(internal), model.layout.reduce_tied(load)
+        residual = np.where(model.loads.prescribed, 0.0, internal - load)
+        remaining, *sizes = (norm(model, each) for each in (residual, internal, load))
+        allowed = max(10 * TOLERANCE * max(sizes), self._equilibrium.rounding(u))
+        if not remaining <= allowed:
+            raise ConvergenceError(
+                f"bodies are out of balance by {remaining:.3g} N of {max(sizes):.3g} N at time {time:.9g} s, "
+                f"{allowed:.3g} N is allowed: their stiffness cannot be factorised well; let boundaries hold every "
+                "body, or use stepper.kind = 'quasi_static'"
+            )
+
+
+def compliance(fault: Fault) -> np.ndarray:
+    """Return the jump per traction of the contact [m/Pa], shape (n, local)."""
+    normal, shear = (1 / each for each in fault.contact.stiffness())
+    return np.tile([normal] * fault.interface.has_normal + [shear] * fault.tangents, (len(fault.interface.plus), 1))

@@ -1,0 +1,54 @@
+"""Explicit Runge-Kutta steps of order five with an error estimate of order four.
+
+Source: Dormand and Prince (1980), J. Comput. Appl. Math. 6, 19, table 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+NODES = (0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1)
+"""Times of the stages over the step; the last stage is at its end."""
+WEIGHTS = tuple(np.array(row) for row in (
+    (),
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+))  # fmt: skip
+"""Weights of the earlier stages in each; those of the last stage are the solution of order five."""
+ERROR = np.array([-71 / 57600, 0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40])
+"""Solution of order four less that of order five."""
+MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
+
+
+def attempt(
+    slope: Callable[[float, np.ndarray], np.ndarray], start: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the end of a step and its absolute error.
+
+    Parameters
+    ----------
+    slope : callable, (part of the step, y) -> dy/dt
+        The last call is for the end.
+    """
+    slopes = np.zeros((len(NODES), *start.shape))
+    y = start
+    for stage, (part, weights) in enumerate(zip(NODES, WEIGHTS, strict=True)):
+        y = start + dt * np.tensordot(weights, slopes[:stage], 1)
+        slopes[stage] = slope(part, y)
+    return y, np.abs(dt * np.tensordot(ERROR, slopes, 1))
+
+
+def shortened(dt: float, error: float) -> float:
+    """Return the length of a step to repeat one whose error is above its tolerance, by their ratio."""
+    return dt * max(MOST_SHRINKING, SAFETY * error**-0.2)
+
+
+def following(dt: float, error: float) -> float:
+    """Return the length of the step after one whose error is within its tolerance, by their ratio."""
+    return dt * min(MOST_GROWTH, SAFETY * max(error, 1e-10) ** -0.2)
