@@ -17,6 +17,7 @@ import pytest
 from helpers import synthetic
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, QuadMesh
+from matplotlib.colors import to_hex
 from matplotlib.image import AxesImage
 
 from ruptfx import RuptfxError
@@ -466,3 +467,20 @@ def test_the_rose_has_the_length_of_facets_by_their_direction(records: Callable[
     expected = np.zeros(18)
     expected[[0, 9, 4]] = np.array([1.0, 1.0, np.sqrt(2)]) * 40 * 10e-3
     np.testing.assert_allclose(lengths, [*expected, *expected], atol=1e-9)
+
+
+def test_states_of_contact_have_the_colours_of_the_legend(records: Callable[[str], Record]) -> None:
+    """Open 0, sticking 1, sliding 2 and uncovered 3, in the map and at the points of each time."""
+    record = records("slides")
+    axes: Any = plots.contact(record)
+    (states,) = axes.collections
+    legend = axes.get_legend()
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names == ["open", "sticking", "sliding", "uncovered"]
+    colours = [to_hex(handle.get_facecolor()) for handle in legend.legend_handles]
+    assert [to_hex(states.to_rgba(state)) for state in range(4)] == colours
+    panels: Any = plots.surfaces(record, at=AT, field="surfaces")
+    for ax, time in zip(panels, AT, strict=True):
+        (points,) = ax.collections
+        wanted = record.interface["contact"].values[at_row(record, time)]
+        assert [to_hex(colour) for colour in points.get_facecolors()] == [colours[state] for state in wanted]
