@@ -400,6 +400,10 @@ def test_values(
         for shown in panel:
             if ax.images and shown.colours is not None:
                 compare_image(drawn[0], shown, size)
+        for places, limits, axis in zip(panel[0][:2], (ax.get_xlim(), ax.get_ylim()), "xy", strict=True):
+            inside = places[1][np.isfinite(places[1])] / size[places[0]]
+            slack = 1e-9 * np.ptp(limits) + 1e-12
+            assert min(limits) - slack <= inside.min() and inside.max() <= max(limits) + slack, (number, axis)
         for shown in lines:
             assert any(agrees(values, shown, size) for values in drawn), f"panel {number}: {shown.y[0]}"
         if not ax.images:

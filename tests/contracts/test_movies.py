@@ -12,6 +12,7 @@ from helpers import synthetic
 from helpers.labels import label_faults
 from helpers.messages import facts
 from matplotlib.contour import QuadContourSet
+from matplotlib.figure import Figure
 from PIL import Image
 from scipy.spatial import cKDTree
 
@@ -73,6 +74,13 @@ def test_pictures_show_the_values_of_the_run(record):
         image = movies.film(record, what).image(row)
         assert np.nanmax(image) == pytest.approx(expected.max(), rel=0.02)
         assert np.nanmin(image) == pytest.approx(expected.min(), rel=0.02, abs=1e-3)
+        film, axes = movies.film(record, what), Figure().subplots()
+        film.draw(axes)
+        (trace,) = axes.lines
+        x = 1e3 * record.interface["x"].values
+        np.testing.assert_allclose(trace.get_data(), [x, 0 * x])
+        largest = max(np.nanmax(film.image(number)) for number in range(len(film.times)))
+        assert 0.95 * largest < film.look["vmax"] <= largest  # a few bright pixels do not darken the others
     # Dark field, sin^2(pi N), with N = fringe times 9.5 mm over 22.6 kN/m, at every seventh point.
     film = movies.film(record, "fringes")
     light = np.sin(np.pi * bulk["fringe"].values[row] * 9.5e-3 / 22.6e3) ** 2
