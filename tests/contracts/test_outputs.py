@@ -91,10 +91,14 @@ def run(fine, comm):
 
 
 
-def each_of(names: Iterable[str]) -> pytest.MarkDecorator:
+LONG = ("study", "infer, lumped", "film", "run, lumped")  # commands that take seconds, at each of their runs
+
+
+def each_of(names: Iterable[str], slow: tuple[str, ...] = ()) -> pytest.MarkDecorator:
     """Try some of the commands."""
     return pytest.mark.parametrize("name", [
-        pytest.param(name, marks=[pytest.mark.fem] * (name in NEED_FEM)) for name in names
+        pytest.param(name, marks=[pytest.mark.fem] * (name in NEED_FEM) + [pytest.mark.slow] * (name in slow))
+        for name in names
     ])  # fmt: skip
 
 
@@ -275,7 +279,7 @@ def test_a_command_keeps_what_is_edited_or_expensive(
     refused(ruptfx(*WRITERS[name]))
 
 
-@each_of(filter(takes_out, WRITERS))
+@each_of(filter(takes_out, WRITERS), LONG)
 def test_an_input_is_no_output(name: str, place: Path) -> None:
     """Each file and directory among the arguments given as --out, also through a link and without its ending."""
     arguments, before = WRITERS[name], contents(place)
@@ -289,7 +293,7 @@ def test_an_input_is_no_output(name: str, place: Path) -> None:
             assert {file: after.get(file) for file in before} == before, out
 
 
-@each_of(filter(takes_out, WRITERS))
+@each_of(filter(takes_out, WRITERS), LONG)
 def test_names_that_are_not_ascii_and_folders_that_cannot_be_written(name: str, place: Path) -> None:
     arguments = WRITERS[name]
     options = arguments[: arguments.index("--out")] if "--out" in arguments else arguments
@@ -322,7 +326,7 @@ def limited(size: int, arguments: list[str], apart: bool) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-@each_of(name for name in WRITERS if name != "run")  # which tests/faults/test_restart.py tries
+@each_of((name for name in WRITERS if name != "run"), LONG)  # which tests/faults/test_restart.py tries
 def test_a_full_disk_keeps_what_was_there(
     name: str, place: Path, template: Path, made_by: Callable[[str], list[str]]
 ) -> None:
