@@ -87,6 +87,21 @@ def test_check_says_what_the_mesh_resolves() -> None:
     assert fine.note.startswith("0.0625 m")
 
 
+def test_check_says_how_stiff_cells_and_how_soft_springs_are() -> None:
+    """Springs of 10 E / h make a body softer by q E' / (1 + q E'), q = S / (2 k), or its cells stiffer."""
+    name = "fracture rock: stiffness of cells"
+    found = {}
+    for compensate in (True, False):
+        given = case({"fracture.compensate": compensate, "duration": 1e-6})
+        found[compensate] = next(row for row in preflight(given) if row.quantity == name)
+    stiffer, softer = found[True], found[False]
+    assert softer.value == 50e9 and stiffer.value > 1.05 * 50e9
+    assert stiffer.note.startswith(f"+{100 * (stiffer.value / 50e9 - 1):.1f}%") and stiffer.verdict == "ok"
+    cracks = Model(case()).cracks
+    q = cracks.length_per_area / (2 * 10 * 50e9 / cracks.edge) * 50e9 / (1 - 0.25**2)
+    assert f"softer by about {100 * q / (1 + q):.1f}%" in softer.note and softer.verdict == "warning"
+
+
 def test_check_says_how_fast_loading_is() -> None:
     """f_t / (rho c_p v), of edges and of bodies that fly, with the softer body of a pair; Rayleigh waves of none."""
 

@@ -483,6 +483,24 @@ def test_samples_of_a_history_and_of_stages() -> None:
     assert staged["stages.1.boundaries.0: samples"].verdict == "ok"  # a history keeps its last value
 
 
+def test_rows_of_rate_and_state() -> None:
+    """G* = E / 2 in plane stress, sigma = 6 MPa; nodes of order 4 are up to sqrt(3 / 7) mm apart."""
+    law = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-6}
+    stress = {"faults.main.initial_stress.shear": 3.6e6}
+    found = rows(plates({"faults.main.friction": law, **stress}))
+    drop = 5.3e9 / 2 * 1e-6 / 6e6  # G* D_c / sigma [m]
+    for name, value in {
+        ": b - a": 0.005, ": L_b": drop / 0.015, ": points in L_b": drop / 0.015 / (1e-3 * math.sqrt(3 / 7)),
+        ": k_c": 0.005 * 6e6 / 1e-6, ": h*": math.pi * drop / 0.005,
+        ": nucleation half-length": 0.015 / (math.pi * 0.005**2) * drop,
+    }.items():  # fmt: skip
+        assert found[name].value == pytest.approx(value, rel=1e-9), name
+    assert found[": points in L_b"].verdict == "ok" and "velocity weakening" in found[": b - a"].note
+    stable = rows(plates({"faults.main.friction": {**law, "a": 0.02}, **stress}))
+    assert stable[": b - a"].value == pytest.approx(-0.005) and "strengthening" in stable[": b - a"].note
+    assert not {": k_c", ": h*", ": nucleation half-length"} & set(stable)
+
+
 def test_points_that_slip_at_once() -> None:
     """0.3 x 6 MPa carry two thirds of 2.7 MPa, at 9 points within 2 mm of the middle, of two elements of order 4."""
     shear = {"kind": "boxcar", "inside": 2.7e6, "outside": 0.0, "center": 6e-3, "half_width": 2e-3}
