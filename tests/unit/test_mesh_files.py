@@ -273,6 +273,29 @@ def test_no_file_of_options_is_run_beside_a_mesh(tmp_path: Path) -> None:
     assert not (tmp_path / "hit").exists()
 
 
+def test_sets_of_nodes_and_parts_of_abaqus_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.inp", SaveGroupsOfElements=1)
+    text = path.read_text()
+    path.write_text(text.replace("*ELSET,ELSET=main", "*NSET,NSET=main"))
+    with pytest.raises(RuptfxError, match=facts(r"a\.inp: no interface 'main' .*; 'main' .* nodes, .*")):
+        build(path)
+    path.write_text(text.replace("*NODE\n", "*NODE, NSET=all\n") + "*Node\n1, 0, 0, 0\n")
+    with pytest.raises(RuptfxError, match=facts(r"a\.inp: has 2 blocks \*NODE")):
+        build(path)
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1, 0])
+def test_names_that_are_not_in_utf_8(version: float, tmp_path: Path) -> None:
+    script = PLATES.replace('"lower"', '"Flaeche"')
+    path = tmp_path / "a.geo"
+    path.write_text(script)
+    if version:
+        path = write(tmp_path / "a.msh", script, MshFileVersion=version)
+    path.write_bytes(path.read_bytes().replace(b"Flaeche", "Fl\u00e4che".encode("latin-1")))
+    with pytest.raises(RuptfxError, match=r"a\.(msh|geo): .*not in UTF-8"):
+        build(path)
+
+
 def test_exodus_is_refused_with_formats_that_work(tmp_path: Path) -> None:
     (tmp_path / "a.exo").write_bytes(b"CDF")
     with pytest.raises(RuptfxError, match=facts(r"a\.exo: .* \.msh, \.med, \.unv .* \.inp ")):

@@ -73,6 +73,8 @@ def main(source: str, mesh: str) -> None:
             for option, value in (("MshFileVersion", 4.1), ("Binary", 1), ("SaveAll", 0), ("SaveParametric", 0)):
                 gmsh.option.setNumber(f"Mesh.{option}", value)
             gmsh.write(mesh)
+    except UnicodeDecodeError:
+        sys.exit("a name of a group is not in UTF-8; save the file as UTF-8")
     except Exception as error:
         sys.exit(str(error))
 

@@ -36,6 +36,7 @@ _CELLS = [
 _DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
 _BY_GMSH = {".geo", ".med", ".unv"}  # formats whose groups meshio does not return; .msh where meshio fails
 _OF_GMSH = re.compile(rb"\s*\$(?!MeshFormat\s+2)")  # begin of mesh files that Gmsh may read where meshio fails: not 2.2
+_CODED = re.compile(r"#\d (\d+) (.*)", re.S)  # dimension, number and name of a group, by `_gmsh.name_groups`
 _EXODUS = {".e", ".ex2", ".exo"}
 
 MOST_BYTES = 50_000_000_000  # largest size of a mesh file
@@ -108,7 +109,8 @@ def read(path: Path, trust: bool, sides: Mapping[str, list[str]], names: Mapping
     if not known:
         raise RuptfxError(
             f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra, and no quadrilaterals of nine "
-            f"nodes; it has: {', '.join(sorted(kinds)) or 'no elements'}"
+            f"nodes; it has: {', '.join(sorted(kinds)) or 'no elements'}; write it with elements of first order ("
+            "Mesh.ElementOrder = 1), or quadrilaterals of nine nodes (Mesh.SecondOrderIncomplete = 0)"
         )
     type_, cell, order, facet = known[0]
     mixed = "triangle" if cell == "quadrilateral" else "tetra" if cell == "hexahedron" else None
@@ -116,17 +118,18 @@ def read(path: Path, trust: bool, sides: Mapping[str, list[str]], names: Mapping
         raise RuptfxError(f"{path}: mixes cell types ({', '.join(sorted(kinds))}); mesh it with one")
     groups, of_facets = _groups(path, mesh, type_), _groups(path, mesh, facet)
     if not groups:
+        lost = [name for name in mesh.field_data if not _CODED.fullmatch(name)]
         raise RuptfxError(
             f"{path}: no physical groups with {type_} elements; "
             + (
-                f"it has names ({', '.join(mesh.field_data)}) without elements, as Gmsh writes in version 2.2 with "
-                "Mesh.SaveAll = 1; write it with Mesh.SaveAll = 0, or in version 4.1" if mesh.field_data
+                f"it has names ({', '.join(lost)}) without elements, as Gmsh writes in version 2.2 with "
+                "Mesh.SaveAll = 1; write it with Mesh.SaveAll = 0, or in version 4.1" if lost
                 else "name the bodies and the interface (Physical Surface, Physical Curve); formats other than that of "
                 "Gmsh need sets of elements, or one integer number of every element; sets of nodes and sides of "
                 "elements are not read"
             )
         )  # fmt: skip
-    groups, of_facets = _named(path, groups, of_facets, sides, names)
+    groups, of_facets = _named(path, groups, of_facets, sides, names, mesh.point_sets)
     all_nodes, elements = _distinct(mesh.cells_dict[type_][:, order].astype(np.int64), groups)
     all_cells, others = np.split(all_nodes, [1 + max(map(max, FACETS[cell]))], axis=1)
     places = mesh.points[all_cells].mean(axis=1)
@@ -155,6 +158,11 @@ def _load(path: Path, trust: bool) -> Mesh:
         if not trust:
             _geo.check(path)
         _geo.check_ends(path)
+    if path.suffix == ".inp" and (count := len(re.findall(rb"(?im)^\*node[ \t\r]*(?:,|$)", path.read_bytes()))) > 1:
+        raise RuptfxError(
+            f"{path}: has {count} blocks *NODE, of which meshio reads the last only; write one for all parts (Abaqus: "
+            "Edit Model Attributes, Do not use parts and assemblies in input files)"
+        )
     reason, said = "", io.StringIO()
     with redirect_stdout(said), redirect_stderr(said):  # meshio prints empty lines, and errors that are raised below
         if path.suffix not in _BY_GMSH:
@@ -163,6 +171,8 @@ def _load(path: Path, trust: bool) -> Mesh:
             except (Exception, SystemExit) as error:  # meshio raises many kinds of errors for damaged files
                 text = " ".join(said.getvalue().split()) if isinstance(error, SystemExit) else str(error)
                 reason = text[:200] or type(error).__name__
+                if isinstance(error, UnicodeDecodeError):
+                    reason = "a name of a group is not in UTF-8, unless it is damaged; save it as UTF-8"
                 if path.suffix != ".msh" or not _OF_GMSH.match(_head(path)):
                     remedy = AGAIN if path.suffix == ".msh" else FORMATS
                     raise RuptfxError(f"{path}: not a mesh that can be read ({reason}); {remedy}") from None
@@ -214,7 +224,7 @@ def _groups(path: Path, mesh: Mesh, type_: str) -> list[_Group]:
     if mesh.field_data:  # of Gmsh
         first = mesh.cell_data_dict.get("gmsh:physical", {}).get(type_, np.zeros(0))
         for key, (number, dim) in mesh.field_data.items():
-            coded = re.fullmatch(r"#\d (\d+) (.*)", key, re.S)  # by `_gmsh.write_groups`
+            coded = _CODED.fullmatch(key)
             name = coded[2] or coded[1] if coded else key
             if dim == _DIMENSION[type_] and not (coded and coded[1] == "0"):
                 chosen = sets[key].get(type_, []) if key in mesh.cell_sets else np.flatnonzero(first == number)
@@ -243,7 +253,7 @@ def _numbers(path: Path, mesh: Mesh) -> dict[str, np.ndarray]:
 
 def _named(
     path: Path, cells: list[_Group], facets: list[_Group], sides: Mapping[str, list[str]],
-    names: Mapping[str, str | int],
+    names: Mapping[str, str | int], of_nodes: Collection[str],
 ) -> tuple[list[_Group], list[_Group]]:  # fmt: skip
     """Return groups of bodies and of facets with the names of the case.
 
@@ -280,7 +290,7 @@ def _named(
                     f"{path}: mesh.names.{group.name} = {names[group.name]!r}: another group has this name; give that "
                     "one another name in mesh.names, too"
                 )
-    _check_names(path, groups, sides, names)
+    _check_names(path, groups, sides, names, of_nodes)
     return _united(groups["body"]), _united(groups["facets"])
 
 
@@ -295,8 +305,9 @@ def _united(groups: list[_Group]) -> list[_Group]:
 
 
 def _check_names(
-    path: Path, groups: Mapping[str, list[_Group]], sides: Mapping[str, list[str]], names: Mapping[str, str | int]
-) -> None:
+    path: Path, groups: Mapping[str, list[_Group]], sides: Mapping[str, list[str]], names: Mapping[str, str | int],
+    of_nodes: Collection[str],
+) -> None:  # fmt: skip
     """Refuse interfaces and bodies that the file does not have, and propose their groups."""
     wanted = {"facets": list(sides), "body": list(dict.fromkeys(body for side in sides.values() for body in side))}
     texts, proposal = [], dict[str, str]()
@@ -310,6 +321,9 @@ def _check_names(
                 f"no interface '{key}' among the named facets; it has: {present}" if kind == "facets"
                 else f"no body '{key}'; the file has: {present}"
             )  # fmt: skip
+            if key in of_nodes:
+                texts.append(f"'{key}' is a set of nodes, which are not read: name the elements there")
+                continue
             if free:
                 # Names that no case can have are those that need another one.
                 first = min(free, key=lambda name: (re.fullmatch(r"[A-Za-z]\w*(\.\w+)*", name, re.A) is not None, name))
@@ -317,7 +331,8 @@ def _check_names(
     if texts:
         text = ", ".join(f"{key} = {shown}" for key, shown in proposal.items())
         remedy = f"; correct the case, or say in [mesh] which group is meant, as names = {{ {text} }}" if text else (
-            "; name the facets (Physical Curve of plane, Physical Surface of solid bodies), elements of their own"
+            "; name them in the file: bodies are groups of cells, interfaces groups of facets (Physical Curve in 2D, "
+            "Physical Surface in 3D)"
         )  # fmt: skip
         raise RuptfxError(f"{path}: {'; '.join(texts)}{remedy}")
 
@@ -419,7 +434,8 @@ def _by_gmsh(path: Path, folder: Path, trust: bool, reason: str) -> Path:
             "the file (.msh) in its place"
         ) from None
     if done.returncode or not mesh.is_file():
-        said = " ".join(done.stderr.split()) or f"it ended with code {done.returncode}"
+        said = " ".join(done.stderr.replace(str(script), str(path)).split())
+        said = said or f"it ended with code {done.returncode}"
         if path.suffix == ".geo":
             raise RuptfxError(f"{path}: Gmsh could not mesh it: {said}; open it in Gmsh to see where")
         raise RuptfxError(

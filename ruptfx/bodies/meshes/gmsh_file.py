@@ -130,7 +130,8 @@ class GmshFile(MeshSource):
 
         faults = {name: named.pop(name) for name in self.interfaces}
         for name, sides in self.interfaces.items():
-            crossed = np.array([vertex for other in faults if other != name for vertex in np.unique(faults[other])])
+            others = (facets.ravel() for other, facets in faults.items() if other != name)
+            crossed = np.concatenate([np.zeros(0, dtype=int), *others])
             raw.interfaces[name] = self._interface(raw, name, sides, faults[name], found[name], on, crossed)
         for name, facets in named.items():
             if self._is_edge(raw, name, found[name], facets):
