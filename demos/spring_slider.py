@@ -86,6 +86,34 @@ for law in (pmma, {**pmma, "kind": "rate_and_state_saturating", "theta_c": 0.1})
         print(f"{law['kind']}, K / K_c = {ratio:<5g} peak-to-peak friction {amplitude:.4f}, over root {over:.4f}")
 
 # %% [markdown]
+# ## Stick-slip
+#
+# On a spring softer than K_c the slider sticks and slips: the time from slip to slip falls with the drive speed as a
+# power, and a larger load has larger drops.
+
+# %%
+experiment = {"kind": "stick_slip", "normal_forces": [8.0, 16.0, 32.0]}
+slips = run("stick_slip", mass=1.63, stiffness=1e5, experiment=experiment).isel(stiffness=0)
+for load, exponent, drops in zip(
+    slips.normal_force.values, slips.period_exponent.values, slips.force_drop.values, strict=True
+):
+    print(f"W = {load:g} N: period ~ V^{exponent:.3f}, mean drop {drops.mean():.2f} N")
+
+# %% [markdown]
+# ## The pinned interface
+#
+# Below the static force the interface is elastic. The law creeps near it: half of the static force leaves nothing that
+# could be measured (the source saw an irreversible displacement above half of it). Small oscillations resonate.
+
+# %%
+elastic = {"interface_length": 0.4e-6, "stiffness": 3e4, "mass": 1.63}
+loading = run("loading_unloading", **elastic)
+for fraction, slip in zip(loading.fraction.values, loading.irreversible.values, strict=True):
+    print(f"loaded to {fraction:g} of the static force: irreversible slip {1e6 * slip:.2g} um")
+resonance = run("frequency_response", **elastic, experiment={"kind": "frequency_response", "loss_tangent": 1 / 19})
+print(f"resonance {float(resonance.resonance):.0f} 1/s, quality {float(resonance.quality):.1f} (measured: 761, 19)")
+
+# %% [markdown]
 # ## A trembling normal load
 #
 # If the load swings at 120 Hz the mean friction falls, and sliding is stable on softer springs. The interface is

@@ -141,19 +141,27 @@ SHORT = {
     "modulated_speed": {"periods": [3.0], "cycles": 2, "samples": 100},
     "modulated_load": {"amplitudes": [0.0], "samples": 20, "critical": False},
     "stability": {"speeds": 2, "stiffnesses": 2}, "bifurcation": {"ratios": [0.9], "periods": 10, "samples": 500},
+    "stick_slip": {"speeds": [1e-5], "cycles": 2, "samples": 500}, "loading_unloading": {"samples": 50},
+    "frequency_response": {"samples": 1000},
 }  # fmt: skip
+WITH_MASS = ("bifurcation", "stick_slip", "frequency_response")
 
 
 @pytest.mark.parametrize("experiment", _EXPERIMENTS, ids=lambda cls: cls.name)
 def test_results_of_an_experiment_have_names_of_their_own(experiment: Any, trace: Path, tmp_path: Path) -> None:
     """`simulate` refuses a result and a constant of one name; K_c = W (b - a) / D_c of a rigid, slow slider."""
     keys = {"trace": str(trace)} if experiment is Fit else SHORT[experiment.name]
-    mass = 1.6 if experiment.name == "bifurcation" else 0.0  # which ends its slips
-    model = SpringSlider(friction=PMMA, normal_force=W, stiffness=2e6, mass=mass, experiment=experiment(**keys))
+    mass = 1.6 if experiment.name in WITH_MASS else 0.0
+    elastic = 0.4e-6 if experiment.name in ("loading_unloading", "frequency_response") else 0.0
+    stiffness = 1e5 if experiment.name == "stick_slip" else 2e6
+    model = SpringSlider(
+        friction=PMMA, normal_force=W, stiffness=stiffness, mass=mass, interface_length=elastic,
+        experiment=experiment(**keys),
+    )  # fmt: skip
     data = simulate(model, tmp_path / "run")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert summary["K_c"] == pytest.approx(W * (summary["b"] - summary["a"]) / (
-        summary["D_c"] if experiment is Fit else 0.42e-6), rel=1e-3)  # fmt: skip
+    compliance = (summary["D_c"] if experiment is Fit else 0.42e-6) / W / (summary["b"] - summary["a"])
+    assert summary["K_c"] == pytest.approx(1 / (compliance - elastic / W), rel=1e-3)
     assert {*data.attrs}.isdisjoint(data.variables)
 
 
@@ -301,3 +309,86 @@ def test_the_area_of_a_loop_is_that_of_the_integral_over_ln_v() -> None:
     assert float(data["loop_area"][0]) == pytest.approx(area, rel=0.01) and abs(area) > 1e-3
     faster, middle = np.gradient(x) > 0, np.abs(x - x.mean()) < 0.5
     assert (y[middle & faster].mean() > y[middle & ~faster].mean()) == (area > 0)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_the_slope_of_ageing_is_that_of_its_contribution(kind: str) -> None:
+    law: Any = law_of(kind)
+    theta, step = np.geomspace(1e-6, 1e6, 9), 1e-4
+    slope = (law.contact(theta * np.exp(step)) - law.contact(theta * np.exp(-step))) / (2 * step)
+    assert law.contact_slope(theta) == pytest.approx(slope, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("forward", [True, False])
+def test_rates_with_a_mass_on_a_rigid_interface(kind: str, forward: bool) -> None:
+    """Mass times the change of the slip rate is the spring's force less friction, also while the block moves back."""
+    law: Any = law_of(kind)
+    slider = Slider(law, W, 1e5, 1.6)
+    y = slider.steady(3e-6)
+    y[0], y[1] = 1.1 * y[0], y[1] - 0.3
+    y[2] = (1.01 if forward else -0.9) * y[2]
+    rates = slider.rates(y, 1e-6, W)
+    step = 1e-5 / np.abs(rates / slider.scales(1e-6)).max()
+    change = slider.slip_rate(y + step * rates, W) - slider.slip_rate(y - step * rates, W)
+    assert (slider.slip_rate(y, W) > 0) == forward
+    assert 1.6 * change / (2 * step) == pytest.approx(1e5 * y[0] - slider.force(y, W), rel=1e-6)
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 2e5])
+def test_stick_slip_on_a_soft_spring(stiffness: float) -> None:
+    """K / K_c = 0.2 and 0.4. In a cycle the drive stretches the spring by what a slip takes away, but for creep."""
+    experiment = {"kind": "stick_slip", "speeds": [1e-6, 1e-5], "cycles": 3}
+    model = parse_case(
+        {"kind": "spring_slider", "normal_force": W, "stiffness": stiffness, "mass": 1.6, "experiment": experiment}
+    )
+    assert isinstance(model, SpringSlider)
+    data = model.run()
+    period, drop = data["period"].values.ravel(), data["force_drop"].values.ravel()
+    assert data["K_over_critical"].values.ravel() == pytest.approx(stiffness * 0.42e-6 / (W * 0.013), rel=2e-3)
+    stretched = stiffness * period * np.array([1e-6, 1e-5])
+    assert np.all(drop < stretched) and drop == pytest.approx(stretched, rel=0.04)
+    assert data["period_scatter"].values.max() < 2e-3
+    slope = np.log(period[1] / period[0]) / np.log(10)
+    assert slope < -1 and data["period_exponent"].values == pytest.approx(slope, rel=1e-12)
+
+
+def test_a_stiff_spring_slides_steadily_and_has_no_period(tmp_path: Path) -> None:
+    experiment = {"kind": "stick_slip", "speeds": [1e-5], "cycles": 2, "samples": 200}
+    model: Any = parse_case(
+        {"kind": "spring_slider", "normal_force": W, "stiffness": 1e6, "mass": 1.6, "experiment": experiment}
+    )
+    data = simulate(model, tmp_path / "run")
+    assert np.isnan(data["period"].values).all() and np.isnan(data["force_drop"].values).all()
+
+
+def test_loading_below_the_threshold_is_elastic_and_leaves_little() -> None:
+    """Displacement lambda F / W; the creep of the law, which grows by e for every a of friction, stays."""
+    experiment = {"kind": "loading_unloading", "fractions": [0.3, 0.7, 0.95], "samples": 100}
+    slider = {"kind": "spring_slider", "normal_force": W, "stiffness": 3e4, "interface_length": 4e-7}
+    model: Any = parse_case({**slider, "experiment": experiment})
+    data = model.run()
+    slips, static = data["irreversible"].values, float(data["static_friction"])
+    assert float(PMMA.steady_strength(1e-5, W)) / W < static < float(PMMA.strength(1e-5, W, {"theta": 100.0})) / W
+    low = data.isel(fraction=0)
+    assert float(low.friction.max()) == pytest.approx(0.3 * static, rel=1e-3)
+    assert low.displacement.values == pytest.approx(4e-7 * low.friction.values, abs=1e-13)
+    assert abs(slips[0]) < 1e-14 and 1e-9 < slips[2] < 1e-6
+    assert np.log(slips[2] / slips[1]) == pytest.approx(0.25 * static / 0.013, rel=0.1)
+
+
+def test_resonance_of_the_pinned_slider() -> None:
+    """f_0 = sqrt((W / lambda + K) / M) / 2 pi; the width at half power is the loss of the interface alone."""
+    experiment = {"kind": "frequency_response", "loss_tangent": 0.04}
+    model: Any = parse_case({
+        "kind": "spring_slider", "normal_force": W, "mass": 1.63, "stiffness": 2e6, "interface_length": 4e-7,
+        "experiment": experiment,
+    })  # fmt: skip
+    data = model.run()
+    interface = W / 4e-7
+    assert float(data["resonance"]) == pytest.approx(np.sqrt((interface + 2e6) / 1.63) / (2 * np.pi), rel=1e-3)
+    assert float(data["quality"]) == pytest.approx((interface + 2e6) / (0.04 * interface), rel=5e-3)
+    static = 1 / np.abs(interface * (1 + 0.04j) + 2e6 - 1.63 * (2 * np.pi * 300) ** 2)
+    assert float(data["compliance"][0]) == pytest.approx(static, rel=1e-12)
+    with pytest.raises(RuptfxError, match=facts(r"300.*400.*807\.888")):
+        model.model_copy(update={"experiment": type(model.experiment)(lowest=300, highest=400)}).run()

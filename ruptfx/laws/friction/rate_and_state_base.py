@@ -112,6 +112,10 @@ class RateAndState(Creeping):
         """Return the contribution of the contact age to the friction coefficient."""
         return self.b * np.log(self.V_0 * theta / self.D_c)
 
+    def contact_slope(self, theta: Array) -> Array:
+        """Return the derivative of `contact` by ln theta."""
+        return self.b + 0 * theta
+
     def age(self, contact: Array) -> Array:
         """Return the age [s] of a contribution, the inverse of `contact`."""
         return self.D_c / self.V_0 * np.exp(contact / self.b)

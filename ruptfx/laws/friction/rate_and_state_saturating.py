@@ -28,6 +28,9 @@ class RateAndStateSaturating(RateAndState):
     def contact(self, theta: Array) -> Array:
         return self.b * np.log1p(theta / self.theta_c)
 
+    def contact_slope(self, theta: Array) -> Array:
+        return self.b * theta / (theta + self.theta_c)
+
     def age(self, contact: Array) -> Array:
         # The contribution cannot be negative: a stress below that of new contacts gives the smallest age.
         return self.theta_c * np.expm1(np.maximum(contact / self.b, 1e-9))

@@ -15,12 +15,17 @@ from ruptfx.laws.friction import AnyFriction
 from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.laws.friction.rate_and_state_base import RateAndState
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent
+from ruptfx.lumped.spring_slider.cycles import StickSlip
 from ruptfx.lumped.spring_slider.fit import Fit
+from ruptfx.lumped.spring_slider.pinned import FrequencyResponse, LoadingUnloading
 from ruptfx.lumped.spring_slider.protocols import Experiment, ModulatedSpeed, SlideHoldSlide, VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness
 from ruptfx.lumped.spring_slider.stability import Bifurcation, ModulatedLoad, StabilityDiagram
 
-_EXPERIMENTS = (VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, StabilityDiagram, Bifurcation, Fit)
+_EXPERIMENTS = (
+    VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, StabilityDiagram, Bifurcation, StickSlip,
+    LoadingUnloading, FrequencyResponse, Fit,
+)  # fmt: skip
 
 
 def _tag(value: object) -> str:
@@ -43,7 +48,7 @@ PMMA = RateAndStateAgeing(a=0.013, b=0.026, D_c=0.42e-6, f_0=0.36, V_0=1e-6)
 
 
 class SpringSlider(LumpedModel):
-    """Rate-and-state slider on a spring: velocity steps, healing, stability, modulated speed and load, fits.
+    """Rate-and-state slider on a spring: velocity steps, healing, stability, stick-slip, resonance, modulation, fits.
 
     Source: Baumberger, Berthoud, Caroli et al. (2001), C. R. Acad. Sci., eqs. 6-9; Ruina (1983). The default
     friction is of the size found for PMMA near room temperature.
@@ -101,9 +106,10 @@ class SpringSlider(LumpedModel):
     @staticmethod
     def summarise(dataset: xarray.Dataset) -> Summary:
         summary = LumpedModel.summarise(dataset)
-        for name in ("step_direct", "step_steady", "static_friction", "loop_area", "mean_change", "amplitude"):
-            if name in dataset:
-                summary[name] = [float(value) for value in dataset[name].values]
+        of_each = "step_direct step_steady static_friction loop_area mean_change amplitude period_exponent irreversible"
+        for name in of_each.split():
+            if name in dataset and dataset[name].ndim:
+                summary[name] = dataset[name].values.ravel().tolist()
         if "k_c_linear" in dataset:
             error = np.abs(dataset.k_c_simulated - dataset.k_c_linear) / dataset.cell
             summary["largest_k_c_error_in_cells"] = float(error.max())

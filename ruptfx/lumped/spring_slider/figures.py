@@ -173,7 +173,62 @@ def fit(dataset: xarray.Dataset) -> Figure:
     return figure
 
 
+@styled
+def stick_slip(dataset: xarray.Dataset) -> Figure:
+    """Draw period and drop of stick-slip against the drive speed, a line for each normal force and stiffness."""
+    figure = blank_figure(WIDTH, 2.8)
+    left, right = figure.subplots(1, 2)
+    styles = ("-", "--", ":", "-.")
+    shades = np.linspace(1, 0.25, dataset.sizes["normal_force"])
+    for i, j in np.ndindex(dataset.sizes["normal_force"], dataset.sizes["stiffness"]):
+        one = dataset.isel(normal_force=i, stiffness=j)
+        look = {"marker": "o", "linestyle": styles[j % len(styles)], "color": STICK_SLIP, "alpha": float(shades[i])}
+        named = f"{float(one.normal_force):g} N, {float(one.stiffness) / 1e3:g} kN/m"
+        left.plot(one.speed * 1e6, one.period, label=f"{named}: slope {float(one.period_exponent):.3f}", **look)
+        right.plot(one.speed * 1e6, one.force_drop, **look)
+    scale = "log" if dataset.period.notnull().any() else "linear"  # steady sliding has no period
+    left.set(xscale="log", yscale=scale, xlabel="Drive speed (µm/s)", ylabel="Time from slip to slip (s)")
+    left.legend(loc="lower left")
+    right.set(xscale="log", xlabel="Drive speed (µm/s)", ylabel="Drop of the friction force (N)", ylim=(0, None))
+    letter((left, right))
+    return figure
+
+
+@styled
+def loading_unloading(dataset: xarray.Dataset) -> Figure:
+    """Draw force against displacement, loaded and unloaded, and what displacement stays."""
+    figure = blank_figure(WIDTH, 2.8)
+    left, right = figure.subplots(1, 2)
+    farthest = 1.5 * float(dataset.displacement.max())
+    shown = dataset.whole_displacement.values <= farthest
+    left.plot(dataset.whole_displacement[shown] * 1e6, dataset.whole_friction[shown], "k:", label="to the slip")
+    for shade, run in zip(np.linspace(0.25, 1, dataset.sizes["fraction"]), dataset.fraction, strict=True):
+        one = dataset.sel(fraction=run)
+        left.plot(one.displacement * 1e6, one.friction, color=STICK_SLIP, alpha=float(shade), label=f"{float(run):g}")
+    left.set(xlabel="Displacement of the slider (µm)", ylabel="Force over normal force")
+    left.legend(title="largest / static force", title_fontsize=7)
+    right.plot(dataset.fraction, dataset.irreversible * 1e6, "o-", color=STICK_SLIP)
+    right.set(xlabel="Largest force over static force", ylabel="Irreversible slip (µm)", xlim=(0, 1))
+    letter((left, right))
+    return figure
+
+
+@styled
+def frequency_response(dataset: xarray.Dataset) -> Figure:
+    """Draw amplitude and phase against frequency, with resonance and quality factor."""
+    figure = blank_figure(ONE_COLUMN, 3.2)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    top.plot(dataset.frequency, dataset.compliance * 1e6, color=STICK_SLIP)
+    top.axvline(float(dataset.resonance), color="0.4", linestyle=":", linewidth=0.8)
+    top.set_title(f"{float(dataset.resonance):.4g} 1/s, Q = {float(dataset.quality):.3g}", fontsize=7, loc="left")
+    top.set(yscale="log", ylabel="Displacement over force (µm/N)")
+    bottom.plot(dataset.frequency, np.degrees(dataset.phase), color=STEADY)
+    bottom.set(xscale="log", xlabel="Frequency (1/s)", ylabel="Phase (degrees)")
+    return figure
+
+
 _DRAW = {
     "velocity_steps": velocity_steps, "slide_hold_slide": slide_hold_slide, "modulated_speed": modulated_speed,
-    "modulated_load": modulated_load, "stability": stability, "bifurcation": bifurcation, "fit": fit,
+    "modulated_load": modulated_load, "stability": stability, "bifurcation": bifurcation, "stick_slip": stick_slip,
+    "loading_unloading": loading_unloading, "frequency_response": frequency_response, "fit": fit,
 }

@@ -4,8 +4,10 @@
     V = d/dt (x - lambda F / W)    where the interface is elastic with stiffness W / lambda
 
 (Baumberger, Berthoud, Caroli 2001, eqs. 6-9). Without mass the force is F = K e / (1 + K lambda / W), e being the
-travel of the drive ahead of the irreversible slip. The variables are e and ln theta, with mass also the velocity and
-the stretch of the interface; a law gives V from F, so that no equation has to be solved inside a step.
+travel of the drive ahead of the irreversible slip. The variables are e and ln theta, with mass also F / (a W), or,
+where the interface is elastic, the velocity and the stretch of the interface. A law gives V from F, so that no equation
+has to be solved inside a step. The velocity itself would not do for a block that sticks: friction of either sign
+belongs to velocities that differ by less than any tolerance.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import LSODA, Radau, solve_ivp
 from scipy.optimize import brentq
 from scipy.sparse import identity, kron
 
@@ -24,6 +26,8 @@ from ruptfx import RuptfxError
 from ruptfx.laws.friction.rate_and_state_base import RateAndState
 
 RUNAWAY = 1.0  # m/s; a quasi-static slider as fast as this would be held back by its inertia
+SHORT = 1e-11  # of the time since the start of a solver; its shortest step is ten spacings, 2e-15
+MOST_RENEWALS = 200  # of a solver between two samples; the end of a slip takes a few
 STUCK = 10_000  # evaluations at one time; SciPy's LSODA in Fortran goes on for ever where rates are infinite
 Signal = float | np.ndarray | Callable[[float], Any]
 
@@ -57,13 +61,13 @@ class Slider:
 
     @property
     def size(self) -> int:
-        """Number of variables: e, ln theta; with mass also v, with mass and interface elasticity also the stretch."""
+        """Number of variables: e, ln theta; with mass also F / (a W), or v and stretch of an elastic interface."""
         return 2 + (self.mass > 0) + (self.mass > 0 and self.interface_length > 0)
 
     def scales(self, speed: object) -> np.ndarray:
         """Natural sizes of the variables, shape (size,) or (size, sliders)."""
         length, one = float(self.law.D_c), np.ones_like(np.asarray(speed, float))
-        rows = [length * one, one, speed * one, length * one]
+        rows = [length * one, one, *([one] if self.size == 3 else [speed * one, length * one])]
         return np.array(rows[: self.size])
 
     def steady(self, speed: Any) -> np.ndarray:
@@ -74,20 +78,19 @@ class Slider:
         # Without mass e counts from the irreversible slip, with mass from the position of the slider.
         if self.size == 2:
             return np.array(np.broadcast_arrays(force / self.stiffness + stretch, age))
-        return np.array(np.broadcast_arrays(force / self.stiffness, age, speed, stretch)[: self.size])
+        of_mass = [force / (self.law.a * self.normal_force)] if self.size == 3 else [speed, stretch]
+        return np.array(np.broadcast_arrays(force / self.stiffness, age, *of_mass))
 
     def force(self, y: np.ndarray, normal_force: Any) -> Any:
         """Friction force [N]."""
         if self.size == 2:
             return self.stiffness * y[0] / (1 + self.stiffness * self.interface_length / normal_force)
         if self.size == 3:
-            return self.law.strength(y[2], normal_force, {"theta": np.exp(y[1])})
+            return self.law.a * normal_force * y[2]
         return normal_force / self.interface_length * y[3]
 
     def slip_rate(self, y: np.ndarray, normal_force: Any) -> Any:
         """Irreversible sliding rate V [m/s]."""
-        if self.size == 3:
-            return y[2]
         return self.law.slip_rate(self.force(y, normal_force), normal_force, {"theta": np.exp(y[1])})
 
     def rates(self, y: np.ndarray, drive: object, normal_force: object) -> np.ndarray:
@@ -97,6 +100,11 @@ class Slider:
         if self.size == 2:
             return np.array((drive - speed, ageing))
         acceleration = (self.stiffness * y[0] - self.force(y, normal_force)) / self.mass
+        if self.size == 3:  # V = 2 V_0 sinh(F / (a W)) exp(-psi / a), differentiated
+            exponent = self.law.psi({"theta": theta}) / self.law.a
+            slope = self.law.V_0 * (np.exp(y[2] - exponent) + np.exp(-y[2] - exponent))
+            forcing = acceleration + speed * self.law.contact_slope(theta) / self.law.a * ageing
+            return np.array((drive - speed, ageing, forcing / slope))
         return np.array((drive - y[2], ageing, acceleration, y[2] - speed)[: self.size])
 
 
@@ -116,7 +124,7 @@ class Trajectory:
 
 def integrate(
     slider: Slider, start: np.ndarray, times: np.ndarray, drive: Signal, normal_force: Signal | None = None,
-    rtol: float = 1e-8, longest_step: float = np.inf,
+    rtol: float = 1e-8, longest_step: float = np.inf, stop_at: float | None = None,
 ) -> Trajectory:
     """Return the motion at the given times, by scipy's LSODA or, if that fails, Radau (both stiff, with error control).
 
@@ -128,6 +136,8 @@ def integrate(
         Increasing [s], the first is that of `start`.
     drive, normal_force : float or callable of time
         Speed of the drive [m/s] and normal force [N].
+    stop_at : float, optional
+        Slip rate [m/s] at which the motion ends; times after it are left out.
 
     Raises
     ------
@@ -138,50 +148,71 @@ def integrate(
     speed = drive if callable(drive) else (lambda time: drive)
     weight = load if callable(load) else (lambda time: load)
     scale = slider.scales(max(abs(float(np.asarray(speed(times[0])))), float(slider.law.V_0) * 1e-3))
-
-    same = 4 * np.finfo(float).eps * abs(times[-1])
-    there, calls = -np.inf, 0
-
-    def scaled(time: float, z: np.ndarray) -> np.ndarray:
-        nonlocal there, calls
-        there, calls = (there, calls + 1) if abs(time - there) <= same else (time, 0)
-        if calls > STUCK:
-            raise RuptfxError(
-                f"the slider's motion stops at t = {time:.6g} s: its rates are too large for any step; decrease "
-                "stiffness or the drive speeds, or increase friction.D_c"
-            )
-        return slider.rates(z * scale, speed(time), weight(time)) / scale
-
-    span, first = times[-1] - times[0], times[0]
-
-    def runaway(time: float, z: np.ndarray) -> float:
-        return RUNAWAY - abs(float(slider.slip_rate(z * scale, weight(first + time))))
-
-    runaway.terminal = True  # type: ignore[attr-defined]
-    for method in ("LSODA", "Radau"):  # where a trial step of the first overflows, the second takes a shorter one
-        there, calls = -np.inf, 0
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what goes wrong is seen, and raised, below
-            solution = solve_ivp(
-                lambda time, z: scaled(first + time, z), (0.0, span), start / scale, method=method,
-                t_eval=np.minimum(times - first, span), rtol=rtol, atol=rtol, max_step=longest_step,
-                events=None if slider.mass else runaway,
-            )
-        if solution.status == 1:
-            at = first + float(solution.t_events[0][0])
-            raise RuptfxError(
-                f"the slider runs away: {RUNAWAY:g} m/s at t = {at:.6g} s without inertia to hold it back; "
-                "give it a mass, or a spring stiffer than K_c"
-            )
-        if solution.success and np.shape(solution.y)[1:] == times.shape and np.isfinite(solution.y).all():
-            break
-    else:
-        reached = first + (solution.t[-1] if len(solution.t) else 0.0)
-        remedy = "give the slider a mass or a stiffer spring" if slider.mass == 0 else "change the drive less abruptly"
-        raise RuptfxError(f"the slider's motion stops at t = {reached:.6g} s: {solution.message} {remedy}")
-    y = solution.y * scale[:, None]
+    y = np.empty((slider.size, len(times)))
+    y[:, 0] = start
+    begin, state, done, methods = times[0], start / scale, 1, [LSODA, Radau]
+    if times[-1] == times[0]:
+        raise RuptfxError(f"the slider's motion stops at t = {begin:.6g} s: slow the drive down")
+    renewals = 0  # since the last sample
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what goes wrong is seen, and raised, below
+        while done < len(times):
+            rates = _ScaledRates(slider, scale, speed, weight, begin)
+            solver = methods[0](rates, 0.0, state, times[-1] - begin, max_step=longest_step, rtol=rtol, atol=rtol)
+            message, passed = None, 0.0
+            while done < len(times):
+                message = solver.step()
+                if message is not None or not np.isfinite(solver.y).all():
+                    message = message or "a rate is not a number."
+                    break
+                passed, state = solver.t, solver.y.copy()
+                rate = abs(float(slider.slip_rate(solver.y * scale, weight(begin + solver.t))))
+                if stop_at is not None and rate >= stop_at:
+                    times, y = times[:done], y[:, :done]
+                    break
+                if slider.mass == 0 and rate > RUNAWAY:
+                    raise RuptfxError(
+                        f"the slider runs away: {RUNAWAY:g} m/s at t = {begin + solver.t:.6g} s without inertia to "
+                        "hold it back; give it a mass, or a spring stiffer than K_c"
+                    )
+                reached = int(np.searchsorted(times, begin + solver.t, side="right"))
+                reached = len(times) if solver.status == "finished" else reached
+                if reached > done:
+                    y[:, done:reached] = solver.dense_output()(times[done:reached] - begin) * scale[:, None]
+                    done, renewals = reached, 0
+                if solver.t - solver.t_old < SHORT * solver.t:
+                    break  # a slip ends within less than the spacing of late times: go on from zero
+            begin, renewals = begin + passed, renewals + 1
+            if passed > 0 and renewals < MOST_RENEWALS:
+                continue
+            if len(methods) > 1:
+                del methods[0]
+                renewals = 0  # where a trial step of the first overflows, the second takes a shorter one
+            else:
+                remedy = "give it a mass or a stiffer spring" if slider.mass == 0 else "change the drive less abruptly"
+                raise RuptfxError(f"the slider's motion stops at t = {begin:.6g} s: {message} {remedy}")
     weights = np.array([weight(t) for t in times])
     return Trajectory(times, y, slider.force(y, weights) / slider.normal_force, slider.slip_rate(y, weights))
+
+
+class _ScaledRates:
+    """Rates of the scaled variables at a time from `begin` on, which notice that a solver does not get on."""
+
+    def __init__(self, slider: Slider, scale: np.ndarray, speed: Callable[[float], Any], weight: Callable[[float], Any],
+                 begin: float) -> None:  # fmt: skip
+        self.slider, self.scale, self.speed, self.weight, self.begin = slider, scale, speed, weight, begin
+        self.last, self.calls = -np.inf, 0
+
+    def __call__(self, time: float, z: np.ndarray) -> np.ndarray:
+        same = abs(time - self.last) <= 4 * np.finfo(float).eps * abs(time)
+        self.last, self.calls = (self.last, self.calls + 1) if same else (time, 0)
+        now = self.begin + time
+        if self.calls > STUCK:
+            raise RuptfxError(
+                f"the slider's motion stops at t = {now:.6g} s: its rates are too large for any step; decrease "
+                "stiffness or the drive speeds, or increase friction.D_c"
+            )
+        return self.slider.rates(z * self.scale, self.speed(now), self.weight(now)) / self.scale
 
 
 def linear_rates(slider: Slider, speed: float) -> np.ndarray:
