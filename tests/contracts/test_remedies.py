@@ -8,17 +8,23 @@ from __future__ import annotations
 
 import copy
 import re
+import shlex
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+import tomli_w
 from helpers.crack_cases import HERE, RUBS, block
 from helpers.sliding_cases import rough
 from helpers.small_cases import COMPLIANT, HOMALITE, branched, plates, slip_weakening, strike_slip
+from typer.testing import CliRunner, Result
 
 from ruptfx import RuptfxError, Table
+from ruptfx.app.cli import app
 from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import set_key
+from ruptfx.many_runs.study import read_study
 
 pytest.importorskip("dolfinx")
 
@@ -466,3 +472,182 @@ def test_remedies_are_accepted(name: str) -> None:
     table, says, fixes = WORDS[name]
     for changes in fixes(refused(table, says)):
         step(changed(table, changes))
+
+# -- lumped models, studies and commands --------------------------------------------------------------------------
+
+AGEING = {"a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}
+LUMPED: dict[str, Remedy] = {
+    "too few periods": Remedy(
+        {"kind": "maxwell_slip", "mu_s": 0.6, "mu_d": 0.4321, "periods": 1.0}, rf"must be at least {N},",
+        lambda m: [{"periods": number(m)}]),
+    "exponents twice": Remedy(
+        {"kind": "maxwell_slip", "alphas": [0.5, 0.5]}, rf"give {N} once", lambda m: [{"alphas": [number(m)]}]),
+    "a push too high": Remedy(
+        {"kind": "spring_block", "loading_height": 1.0, "length": 0.137777}, rf"keep it below {N} m",
+        lambda m: [{"loading_height": number(m)}]),
+    "samples below a step": Remedy(
+        {"kind": "spring_block", "mass": 11.23456, "sample_interval": 1e-9}, rf"largest stable step, {N} s",
+        lambda m: [{"sample_interval": number(m)}]),
+    "profile of a single block": Remedy(
+        {"kind": "spring_slider", "friction": {"kind": "rate_and_state_ageing", "a": {"kind": "constant",
+            "value": 0.01},
+                                               "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}},
+        "give numbers, no profile", lambda m: [{"friction.a": 0.01}]),
+    "another law of a slider": Remedy(
+        {"kind": "spring_slider", "friction": {"kind": "coulomb", "mu_d": 0.6}}, r"use (\w+), _(\w+) or _(\w+)",
+        lambda m: [{"friction": {"kind": m[1], **AGEING}}, {"friction": {"kind": f"rate_and_state_{m[2]}", **AGEING}},
+                   {"friction": {"kind": f"rate_and_state_{m[3]}", **AGEING, "theta_c": 1.0}}]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LUMPED)
+def test_remedies_of_lumped_models_are_accepted(name: str) -> None:
+    table, says, fixes = LUMPED[name]
+    for changes in fixes(refused(table, says)):
+        step(changed(table, changes))
+
+
+AXES = [{"key": "faults.main.friction.mu_d", "values": [0.3, 0.6]}]
+RANGE = {"key": "faults.main.friction.mu_d", "range": [0.3333333333, 0.6666666666]}
+SEARCH: Table = {"sampling": "cma_es", "samples": 9, "axes": [RANGE], "search": {"goals": [
+    {"quantity": "max_slip", "at_least": 1e-6}]}}  # fmt: skip
+
+STUDIES: dict[str, Remedy] = {
+    "values and range": Remedy(
+        {"axes": [{**AXES[0], "range": [0.3, 0.6], "points": 3}]}, "give either values or range",
+        lambda m: [{"axes.0.values": None}, {"axes.0.range": None, "axes.0.points": None}]),
+    "a value twice": Remedy(
+        {"axes": [{**AXES[0], "values": [0.3, 0.6, 0.3]}]}, "is there twice; remove one",
+        lambda m: [{"axes.0.values": [0.3, 0.6]}]),
+    "a range without points": Remedy(
+        {"axes": [dict(RANGE)]}, "give their number", lambda m: [{"axes.0.points": 3}]),
+    "labels of fewer values": Remedy(
+        {"axes": [{**AXES[0], "labels": ["a"]}]}, "give one for each value", lambda m: [{"axes.0.labels": ["a",
+            "b"]}]),
+    "a search without goals": Remedy(
+        {"axes": [dict(RANGE)], "sampling": "cma_es", "samples": 9}, "give both or none",
+        lambda m: [{"search": SEARCH["search"]}, {"sampling": "grid", "samples": None, "axes.0.points": 3}]),
+    "a start outside of the range": Remedy(
+        {**SEARCH, "search": {**SEARCH["search"], "start": {"mu_d": 9.0}}}, rf"its range, {N} to {N}; give",
+        lambda m: [{"search.start.mu_d": number(m)}, {"search.start.mu_d": number(m, 2)}]),
+    "a quantity that is not there": Remedy(
+        {"axes": AXES, "quantities": ["max_slop"]}, r"did you mean '(\w+)'", lambda m: [{"quantities": [m[1]]}]),
+    "a key twice": Remedy(
+        {"axes": [dict(AXES[0]), {**AXES[0], "name": "other"}]}, "remove one of them, or make one axis of both",
+        lambda m: [{"axes.1": None}]),
+    "a key of an axis in the settings": Remedy(
+        {"axes": AXES, "set": {"faults.main.friction.mu_d": 0.5}}, "remove it from set", lambda m: [{"set": {}}]),
+    "two axes of one name": Remedy(
+        {"axes": [{**AXES[0], "name": "a"}, {"key": "duration", "values": [1e-6, 2e-6], "name": "a"}]},
+        "give them different names", lambda m: [{"axes.1.name": "b"}]),
+    "a goal with a bound and a target": Remedy(
+        {**SEARCH, "search": {"goals": [{"quantity": "max_slip", "at_least": 1e-6, "target": 1e-6}]}},
+        "give one of target, at_least and at_most",
+        lambda m: [{"search.goals.0": {"quantity": "max_slip", "at_least": 1e-6}}]),
+    "a unit of another kind": Remedy(
+        {**SEARCH, "search": {"goals": [{"quantity": "max_slip", "at_least": "1 Pa"}]}}, r"write for example '(.*?)'",
+        lambda m: [{"search.goals.0.at_least": m[1]}]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_remedies_of_studies_are_accepted(name: str, tmp_path: Path) -> None:
+    table, says, fixes = STUDIES[name]
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(flat()))
+
+    def read(study: Table) -> None:
+        (tmp_path / "study.toml").write_text(tomli_w.dumps({"case": "case.toml", **study}))
+        read_study(tmp_path / "study.toml").points()
+
+    with pytest.raises(RuptfxError) as caught:
+        read(table)
+    found = re.search(says, str(caught.value), re.DOTALL)
+    assert found is not None, str(caught.value)
+    for changes in fixes(found):
+        read(changed(table, changes))
+
+
+class Session:
+    """A folder with a short run, in which commands are tried one after the other."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(folder)
+        self.folder = folder
+        short = flat(duration=2e-6, output__checkpoint_steps=1, instruments=[{**RECEIVER, "interval": 1e-6}])
+        Path("case.toml").write_text(tomli_w.dumps(short))
+        Path("study.toml").write_text(tomli_w.dumps({"case": "case.toml", "axes": AXES}))
+
+    def __call__(self, text: str) -> Result:
+        return CliRunner(env={"COLUMNS": "1000"}).invoke(app, shlex.split(text))
+
+    def refused(self, text: str, says: str) -> re.Match[str]:
+        done = self(text)
+        found = re.search(says, done.output, re.DOTALL)
+        assert done.exit_code == 1 and found is not None, done.output
+        return found
+
+    def works(self, text: str) -> None:
+        done = self(text.removeprefix("ruptfx ").strip())
+        assert done.exit_code == 0, f"{text}: {done.output}"
+
+
+POLARISCOPE = '{ kind = "polariscope", name = "film", frame_rate = 2e6, exposure = 5e-7, pixel = 5e-4 }'
+COMMANDS: dict[str, tuple[list[str], str, str, Callable[[re.Match[str]], list[str]]]] = {
+    "a study is no case": ([], "run study.toml", r"run it with: (ruptfx study \S+)", lambda m: [f"{m[1]} --quiet"]),
+    "a case is no study": ([], "study case.toml", r"run it with: (ruptfx run \S+)",
+                           lambda m: [f"{m[1]} --quiet --out elsewhere"]),
+    "a run that exists": (["run case.toml --out r --quiet"], "run case.toml --out r --quiet --set duration=1e-6",
+                          r"(--overwrite).*another directory, or remove it",
+                          lambda m: [f"run case.toml --out r --quiet --set duration=1e-6 {m[1]}",
+                                     "run case.toml --out r2 --quiet --set duration=1e-6"]),
+    "a run directory is no case": (["run case.toml --out r --quiet"], "run r",
+                                   r"its case is (\S+), and 'ruptfx (\w+)'",
+                                   lambda m: [f"check {m[1]}", f"{m[2]} r --quiet"]),
+    "a key without a value": ([], "check case.toml --set duration", r"for example (\S+=\S+)",
+                              lambda m: [f"check case.toml --set {m[1]}"]),
+    "a longer run that is shorter": (["run case.toml --out r --quiet"], "resume r --duration 1e-6 --quiet",
+                                     rf"has {N} s already; give a longer one, or resume without it",
+                                     lambda m: [f"resume r --quiet --duration {1.5 * float(m[1])!r}",
+                                                "resume r --quiet"]),
+    "a figure without data": (["run case.toml --out r --quiet"], "plot r --figure cracks", r"it has (\w+)",
+                              lambda m: [f"plot r --figure {m[1]}"]),
+    "no camera": (["run case.toml --out r --quiet --set output.bulk_interval=5e-7"], "film r",
+                  r"such as --camera '(\{.*?\})'",
+                  lambda m: [f"film r --camera '{m[1]}'"]),
+    "no thickness of the plates": (
+        ["run case.toml --out r --quiet --set output.bulk_interval=5e-7"],
+        f"film r --camera '{POLARISCOPE}'", r"run it with (--set \S+'.*?'),",
+        lambda m: [f"run case.toml --out r --quiet --set output.bulk_interval=5e-7 --overwrite {m[1]}"]),
+    "no fringe constant": (
+        ["run case.toml --out r --quiet --set output.bulk_interval=5e-7 --set output.plate_thickness=9e-3"],
+        f"film r --camera '{POLARISCOPE}'", r"run the case with (--set \S+'.*?'),",
+        lambda m: ["run case.toml --out r2 --quiet --set output.bulk_interval=5e-7 "
+                   f"--set output.plate_thickness=9e-3 {m[1]}", f"film r2 --camera '{POLARISCOPE}'"]),
+    "a format of pictures": (["run case.toml --out r --quiet"], "mesh case.toml --out m.toml", r"known: \.(\w+)",
+                             lambda m: [f"mesh case.toml --out m.{m[1]}"]),
+    "instruments of a comparison": (["run case.toml --out r --quiet"], "compare r data.csv --most-shift 0",
+                                    r"such as '(.*?)'", lambda m: [f"compare r data.csv --most-shift '{m[1]}'"]),
+    "times of a clock": (["run case.toml --out r --quiet"], "compare r late.csv", r"--time-shift '(.*?)'",
+                         lambda m: [f"compare r late.csv --time-shift '{m[1]}'"]),
+    "a study of another case": (["study study.toml --out s --quiet"],
+    "study study.toml --out s --quiet --set duration=1e-6",
+                                r"another --out, or replace it with (--overwrite)",
+                                lambda m: ["study study.toml --out s2 --quiet --set duration=1e-6",
+                                           f"study study.toml --out s --quiet --set duration=1e-6 {m[1]}"]),
+    "a directory that exists": ([], "demos taken", r"(ruptfx demos) DIRECTORY", lambda m: [f"{m[1]} other"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_remedies_of_commands_work(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, command, says, remedies = COMMANDS[name]
+    session = Session(tmp_path, monkeypatch)
+    Path("taken").mkdir()
+    Path("taken", "thesis.tex").write_text("")
+    for file, start in (("data.csv", 0.0), ("late.csv", 1234.5)):
+        rows = "\n".join(f"{start + 2e-7 * n!r},{n % 3}" for n in range(11))
+        Path(file).write_text(f"time (s),velocity_x (m/s)\n{rows}\n")
+    for first in before:
+        session.works(first)
+    for remedy in remedies(session.refused(command, says)):
+        session.works(remedy)

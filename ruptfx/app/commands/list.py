@@ -38,8 +38,8 @@ def list(
                        if NEW not in path.parts and of_studies.isdisjoint(path.parents))  # fmt: skip
         if not found and not studies:
             raise RuptfxError(f"{directory}: no runs below it; give the directory that holds them")
-        run = Column("run", overflow="fold")
-        table = Table(run, "status", "mode", "checkpoint", "size", "title", box=None, pad_edge=False)
+        first = Column("run", overflow="fold")
+        table = Table(first, "status", "mode", "checkpoint", "size", "title", box=None, pad_edge=False)
         for study in sorted(studies):
             table.add_row(str(study), *_study_row(study))
         damages = []

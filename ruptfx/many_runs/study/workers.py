@@ -118,7 +118,7 @@ class Child:
         launcher = b"\n".join([*self._strays, self._output]).decode(errors="replace")
         # MPICH prints the number of the signal, Open MPI returns 128 and the number.
         number = int(printed[1]) if (printed := _SIGNAL.search(launcher)) else -code if code < 0 else code - 128
-        how = signal.Signals(number).name if number in iter(signal.Signals) else f"exit code {code}"
+        how = signal.Signals(number).name if number in {each.value for each in signal.Signals} else f"exit code {code}"
         self._errors.seek(0)
         errors = self._errors.read().decode(errors="replace")
         words = [line for line in (errors.strip() or launcher).splitlines() if line.strip(" =|")]

@@ -285,7 +285,13 @@ def _fringes_per_stress(record: Record, fringe_constant: float | None, thickness
     ], dtype=float)  # fmt: skip
     plate = thickness or case.get("output", {}).get("plate_thickness")
     if plate is None:
-        raise RuptfxError(f"{record.path}: output.plate_thickness is not given; give it, or the camera a thickness")
+        raise RuptfxError(
+            f"{record.path}: the case has no output.plate_thickness; run it with --set output.plate_thickness='9 mm', "
+            "or in Python give thickness"
+        )
     if not np.isfinite(constants).any():
-        raise RuptfxError(f"{record.path}: no material has a fringe_constant; give the camera one")
+        raise RuptfxError(
+            f"{record.path}: no material has a fringe_constant; run the case with --set "
+            "materials.default.fringe_constant='22 kN/m', or in Python give fringe_constant"
+        )
     return plate / constants[record.bulk["body"].values]
