@@ -22,6 +22,8 @@ from ruptfx.results import plots
 from ruptfx.run.model import Model
 from ruptfx.run.recording.bulk_fields import BulkFields
 from ruptfx.run.recording.interface_file import InterfaceFile
+from ruptfx.run.recording.mechanisms import records_of
+from ruptfx.run.recording.mechanisms.faults import FaultRecords
 from ruptfx.run.recording.shared_file import SharedFile
 from ruptfx.run.recording.table_file import TableFile
 from ruptfx.run.recording.writer import Writer
@@ -233,3 +235,16 @@ def test_fields_without_time_are_those_of_the_last_record(tmp_path: Path) -> Non
     with h5py.File(path) as data:
         assert slip.name == "slip" and data["slip"][:, 0].tolist() == [1.0, 2.0]
         assert data["time"][:].tolist() == [1.0, 2.0] and set(data["rupture_time"][:]) == {20.0}
+
+
+def test_the_expected_numbers_of_an_interface_are_those_of_its_file(tmp_path: Path) -> None:
+    """Of every record all histories, the states of the law among them."""
+    law = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-6}
+    given = case({"order": 2, "duration": 1e-6, "faults.main.friction": law, "faults.main.initial_stress.shear": 3.6e6})
+    (records,) = (each for each in records_of(Model(given)) if isinstance(each, FaultRecords))
+    simulate(given, tmp_path / "run", progress=False)
+    with h5py.File(tmp_path / "run" / "interface.h5") as data:
+        count = len(data["time"])
+        histories = {name: item.size for name, item in data.items() if item.shape[:1] == (count,) and item.ndim == 2}
+    assert count > 1 and "theta" in histories
+    assert records.numbers(count, 5) == sum(histories.values())

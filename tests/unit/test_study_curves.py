@@ -57,6 +57,18 @@ def test_a_panel_for_every_quantity_and_one_for_all_shares(tmp_path: Path) -> No
     assert {path.name for path in curves.save(shown)} == {"curves.png", "curves.pdf"}
 
 
+def test_errors_are_in_the_unit_of_their_quantity(tmp_path: Path) -> None:
+    """Of 2 and 1 MPa: 0.1 MPa on both sides of the first, nothing at the second."""
+    stresses: dict[str, Any] = {"largest_stress": [2e6, 1e6], "largest_stress_error": [1e5, None]}
+    path = study(tmp_path / "study", [AXIS | {"values": [1.0, 4.0]}], **stresses)
+    (panel,) = [ax for ax in curves.draw(read_map(path)).axes if ax.axison]
+    assert panel.get_ylabel() == "Largest stress (MPa)"
+    (stress,) = [bar for bar in panel.containers if isinstance(bar, ErrorbarContainer)]
+    assert stress[0].get_ydata().tolist() == [2.0, 1.0]
+    (segments,) = stress[2]
+    assert [ends[:, 1].tolist() for ends in segments.get_segments()] == [[1.9, 2.1], [1.0, 1.0]]
+
+
 def test_two_axes_are_a_map(tmp_path: Path) -> None:
     other = {"key": "boundaries.1.velocity", "name": "other", "values": [1.0]}
     path = study(tmp_path / "study", [AXIS | {"values": [1.0]}, other], largest_stress=[1e6])
