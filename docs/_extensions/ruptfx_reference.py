@@ -7,6 +7,7 @@
 - ``{ruptfx-support} TOPIC``: which features work with which steppers, contact methods, planes or materials.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`, after one of a row for each benchmark.
 - ``{ruptfx-problems} FILE``: the verification problems of a TOML file, each with picture, source, error and verdict.
+- ``{ruptfx-sources} FILE NAME``: what a document prints, and what is computed here, from a TOML file.
 - ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: rates, steps, phases, aims or checks.
 - ``{ruptfx-time}`DEMO` ``, in a line: the time of a demo that `ruptfx bench demo_times` found.
 """
@@ -17,6 +18,7 @@ import fnmatch
 import inspect
 import json
 import math
+import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
@@ -372,6 +374,43 @@ class Problems(Directive):
             yield shown, linked(name, problem["title"], "benchmarks.html"), problem["source"], error, passed(found)
 
 
+class Sources(Directive):
+    """A table of what a document prints and what is computed here, from a TOML file: its path, and the document's name.
+
+    A row has a figure or equation, a command, the printed number, the computed one and whether they agree. In the
+    computed one `[[benchmark|check]]` stands for the saved number of a check.
+    """
+
+    required_arguments = 2
+
+    def run(self) -> list[nodes.Node]:
+        environment = self.state.document.settings.env
+        path = Path(environment.srcdir, self.arguments[0])
+        environment.note_dependency(str(path))
+        rows: list[Cells] = []
+        for what, command, printed, computed, agrees in tomllib.loads(path.read_text())[self.arguments[1]]:
+            shown = nodes.paragraph()
+            if command:
+                shown += nodes.literal(text=command)
+            rows.append((what, shown, printed, re.sub(r"\[\[(.+?)\|(.+?)\]\]", self._number, computed), agrees))
+        header = ("figure or equation", "command", "printed", "here", "agrees")
+        return [table(header, rows, (24, 22, 18, 24, 12), literal=0, classes=("sources",))]
+
+    def _number(self, match: re.Match[str]) -> str:
+        """Return the saved number of a check with its unit."""
+        environment = self.state.document.settings.env
+        path = Path(environment.srcdir, "verification", "results", f"{match[1]}.json")
+        environment.note_dependency(str(path))
+        saved = checks_of(json.loads(path.read_text()))
+        named = [check for check in saved if fnmatch.fnmatchcase(check.quantity, match[2])]
+        if len(named) != 1:
+            raise self.error(f"{match[1]}: {len(named)} checks are named like '{match[2]}'")
+        (check,) = named
+        if check.unit in ("m", "s"):
+            return with_prefix(check.found, check.unit)
+        return f"{check.found:.3g}" + (f" {check.unit}" if check.unit != "1" else "")
+
+
 RATES = (600_000, 1_000_000)  # nodes of the rows of the short table
 SHAPES = {"affine": "parallel edges", "general": "any edges"}
 
@@ -437,7 +476,7 @@ def without_keys(app: Sphinx, what: str, name: str, obj: object, *_: object) -> 
 
 def setup(app: Sphinx) -> dict[str, int]:
     """Register the directives and the role in Sphinx."""
-    for directive in (Entries, Commands, Fields, Figures, Support, Bench, Problems, Speed):
+    for directive in (Entries, Commands, Fields, Figures, Support, Bench, Problems, Sources, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     app.add_role("ruptfx-time", Time())
     app.connect("autodoc-process-signature", without_keys)
