@@ -105,6 +105,7 @@ class Files:
         self._checks, self._checked = checks, set[str]()
         self._open: list[h5py.File] = []
         self.since, self.until = 0.0, float(np.inf)
+        self._chosen: str | None = None
         if not self.path.is_dir():
             raise RecordError(f"{self.path}: no such directory; give the directory that 'ruptfx run' wrote")
         if not (self.path / "case.toml").is_file():
@@ -123,13 +124,35 @@ class Files:
         RecordError
             The last time is not later than the first.
         """
-        part = type(self)(self.path, self.trust, self._checks)
+        part = self._copy()
         part.since = self.since if since is None else max(since, self.since)
         part.until = self.until if until is None else min(until, self.until)
         if not part.until > part.since >= 0:
             raise RecordError(f"from {part.since:g} to {part.until:g} s: give an earlier and a later time")
-        part.omitted, part.outside = self.omitted, self.outside
         return part
+
+    def on(self, interface: str) -> Self:
+        """Return the record whose `interface` and `forces` are of the one of this name, for its figures.
+
+        Raises
+        ------
+        RecordError
+            There is none of this name.
+        """
+        if interface not in self.interfaces:
+            from ruptfx.input.schema import nearest  # loads pydantic
+
+            known = nearest(interface, list(self.interfaces)) if self.interfaces else "the run has none"
+            raise RecordError(f"{self.path}: interface '{interface}': {known}")
+        part = self._copy()
+        part._chosen = interface
+        return part
+
+    def _copy(self) -> Self:
+        copy = type(self)(self.path, self.trust, self._checks)
+        copy.since, copy.until, copy._chosen = self.since, self.until, self._chosen
+        copy.omitted, copy.outside = self.omitted, self.outside
+        return copy
 
     @property
     def is_part(self) -> bool:
@@ -220,11 +243,18 @@ class Files:
     def interface(self) -> Data:
         if not self.interfaces:
             raise MissingFileError(f"{self.path / 'interface.h5'}: missing; {_AGAIN}")
-        first = next(iter(self.interfaces))
-        if len(self.interfaces) == 1:
-            return self.interfaces[first]
+        return self.interfaces[self.interface_name]
+
+    @property
+    def interface_name(self) -> str:
+        """Name of `interface`: the chosen one, else that with the largest slip, of an incomplete run the first."""
+        if self._chosen is not None:
+            return self._chosen
+        first = next(iter(self.interfaces), "")
+        if len(self.interfaces) < 2:
+            return first
         decisive = str((self.summary or {}).get("interface"))  # runs of earlier versions name none
-        return self.interfaces[decisive if decisive in self.interfaces else first]
+        return decisive if decisive in self.interfaces else first
 
     @cached_property
     def interfaces(self) -> Mapping[str, Data]:
@@ -320,8 +350,9 @@ class Files:
 
     @cached_property
     def forces(self) -> Data:
-        found = sorted(path.name for path in self.path.glob("forces*.csv"))
-        path = self._existing(found[0] if found else "forces.csv")
+        several = [self.interface_name] if self._chosen else [self.interface_name, *self.interfaces]
+        names = [f"forces_{name}.csv" for name in several if (self.path / f"forces_{name}.csv").is_file()]
+        path = self._existing(names[0] if names else "forces.csv")
         units = {"force": self.sum_unit("N"), "work": self.sum_unit("J")}
         return self._read_table(path, lambda name: units.get(name.rpartition("_")[2], "1"))
 
@@ -429,7 +460,7 @@ class Record(Files):
         Scalars of the whole run; None until it is complete.
     interface : xarray.Dataset
         Histories against `time` [s] and `position` [m] along the interface with the largest slip, which summary and
-        figures are about (of an incomplete run the first one), read lazily.
+        figures are about (of an incomplete run the first one), or the one of `record.on(name)`, read lazily.
     interfaces : dict of xarray.Dataset
         All interfaces by name, in the order of the case.
     bulk : xarray.Dataset
@@ -441,7 +472,8 @@ class Record(Files):
     attachments : dict of xarray.Dataset
         Fields of each attachment against `time` [s] and `node`, by its name; empty without attachments.
     forces : xarray.Dataset
-        First interface with finite sliding: forces [N/m], fractions of its length and works [J/m] against `time` [s].
+        Of `interface`, or the first other one with finite sliding: forces [N/m], fractions of its length and works
+        [J/m] against `time` [s].
     cracks : xarray.Dataset
         Snapshots of all cohesive facets against `time` [s] and `facet`, with `points` [m] and `lines`.
     events : xarray.Dataset

@@ -16,7 +16,7 @@ from ruptfx.results.record import Files
 
 
 def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
-    """Return the shear strength at some saved times along the first interface [Pa].
+    """Return the shear strength at some saved times along `record.interface` [Pa].
 
     Computed from the law of the case, weakened by its nucleation, at the saved slip rate, normal stress and state, and
     from the remaining cohesion at the saved damage. It is zero where the interface is open and has failed.

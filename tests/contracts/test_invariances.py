@@ -119,7 +119,8 @@ def has_own_steps(table: Table) -> bool:
 
 def scales_with_keys(table: Table) -> bool:
     """The mesh is that of the keys; Gmsh makes another one of other lengths, and reads those of a file."""
-    return table["mesh"]["kind"] not in ("gmsh_file", "specimen", "pieces")
+    mesh = table["mesh"].get("section", table["mesh"])
+    return mesh["kind"] not in ("gmsh_file", "specimen", "pieces", "branched_fault")
 
 
 def is_plain(table: Table) -> bool:

@@ -58,7 +58,9 @@ WEAK = 1e-3  # stress of the forces over that of the clamped interfaces
 
 def two_points(table: Table) -> tuple[list[list[float]], float]:
     """Return two points on different sides of the interface, where it has two, and the size of forces there [N]."""
-    mesh = parse_case(table).mesh.build()
+    case = parse_case(table)
+    assert isinstance(case, Case)
+    mesh = case.mesh.build()
     one_sided = bool(mesh.one_sided)
     points = [centre_beside(mesh, side, part) for side, part in ((0, 0.3), (int(not one_sided), 0.6))]
     # Away from the middle of the cell, where shape functions of even order have their symmetry.
@@ -103,11 +105,13 @@ def run(table: Table, out: Path) -> Run:
 def test_loads_superpose(case: Table, tmp_path: Path) -> None:
     """A run under two loads times factors is the sum of the runs under each, times these factors."""
     rng, (points, size) = np.random.default_rng(20261128), two_points(case)
-    first = {"point": points[0], "force": force(case, size, rng), "ramp": 0.3 * case["duration"]}
+    forces = [force(case, size, rng), force(case, size, rng)]
+    first = {"point": points[0], "force": forces[0], "ramp": 0.3 * case["duration"]}
     ricker = {"kind": "ricker", "frequency": 4 / case["duration"], "delay": 0.3 * case["duration"]}
-    second = {"point": points[1], "force": force(case, size, rng), "history": ricker}
+    second = {"point": points[1], "force": forces[1], "history": ricker}
     one, other = (run(with_forces(case, points, load), tmp_path / name) for load, name in ((first, "a"), (second, "b")))
-    scaled = [{**load, "force": [by * each for each in load["force"]]} for load, by in ((first, 2.0), (second, -0.7))]
+    scaled = [{**first, "force": [2.0 * each for each in forces[0]]},
+              {**second, "force": [-0.7 * each for each in forces[1]]}]  # fmt: skip
     both = run(with_forces(case, points, *scaled), tmp_path / "c")
     expected = {name: Data(2.0 * data.values - 0.7 * other[name].values, data.unit) for name, data in one.items()}
     assert not [*differences(expected, both, 1e-9)]

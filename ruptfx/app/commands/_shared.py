@@ -72,6 +72,10 @@ Overrides = Annotated[
         autocompletion=keys,
     ),
 ]
+Interface = Annotated[
+    str | None,
+    typer.Option(metavar="<name>", help="Of several interfaces the one to show; default: that with the largest slip."),
+]
 Overwrite = Annotated[
     bool,
     typer.Option("--overwrite", help="Also replace files that ruptfx did not write there, or that were changed since."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ from rich.table import Table
 
 from ruptfx import RuptfxError
 from ruptfx.app.commands._shared import (
+    Interface,
     Overwrite,
     begin,
     picture,
@@ -56,6 +58,7 @@ def compare(
         str | None,
         typer.Option(metavar="<time>", help="Time of the run minus that of the measured signals, as '-1234.5 s'."),
     ] = None,
+    interface: Interface = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Also numbers that agree.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -73,6 +76,8 @@ def compare(
         most = seconds("--most-shift", most_shift)
         if most is not None and not most > 0:
             raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
+        if is_measured and interface:
+            raise RuptfxError(f"{second}: a file of measured signals; --interface is for two runs")
         if not is_measured and (instrument or channel or most_shift or time_shift):
             raise RuptfxError(
                 f"{second}: no file; --instrument, --channel, --most-shift and --time-shift are for measured signals"
@@ -84,16 +89,23 @@ def compare(
                 shift = seconds("--time-shift", time_shift) or 0.0
                 show(first, second, instrument, channel, most, shift, files.claim(path.name))
             else:
-                _compare_runs(first, second, files.claim(path.name), verbose)
+                _compare_runs(first, second, interface, files.claim(path.name), verbose)
         screen.print(f"Picture: {path}", soft_wrap=True)
 
 
-def _compare_runs(first: Path, second: Path, out: Path, verbose: bool) -> None:
-    """Print what differs in the cases and results of two runs, and save a figure of both."""
+def _compare_runs(first: Path, second: Path, interface: str | None, out: Path, verbose: bool) -> None:
+    """Print what differs in the cases and results of two runs, and save a figure of both.
+
+    The figure is of the interface of the first run with the largest slip, and of that of the same name in the second.
+    """
     from ruptfx.platform.progress import working
     from ruptfx.results.record import Record
 
-    with Record(first) as one, Record(second) as other:
+    with ExitStack() as opened:
+        one, other = (opened.enter_context(Record(path)) for path in (first, second))
+        name = interface or one.interface_name
+        if interface or (name in other.interfaces and len(other.interfaces) > 1):
+            one, other = (opened.enter_context(record.on(name)) for record in (one, other))
         changed = differences(one.case, other.case)
         screen.print("The cases differ in" if changed else "The cases are the same.", style="bold")
         table = Table("", str(first), str(second), "difference", box=None, pad_edge=False)
@@ -321,7 +333,7 @@ def overlay_surfaces(one: Record, other: Record) -> Figure:
 
 
 def _place(both: list[Dataset]) -> float:
-    """Return the middle of the part that slid in both runs, else of the first interface [m]."""
+    """Return the middle of the part that slid in both runs, else of the interface [m]."""
     import numpy as np
 
     slid = [data.position.values[np.isfinite(data.rupture_time.values)] for data in both]

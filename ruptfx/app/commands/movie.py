@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.app.commands._shared import Overwrite, begin, completed_from, reported, runs, screen, writing
+from ruptfx.app.commands._shared import Interface, Overwrite, begin, completed_from, reported, runs, screen, writing
 
 HEADING = "Post-process"
 
@@ -37,6 +37,7 @@ def movie(
     out: Annotated[Path | None, typer.Option(help="File; default RUN/figures/WHAT.gif.")] = None,
     rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Frames per second.")] = 12.0,
     frames: Annotated[int, typer.Option(min=2, help="Largest number of frames.")] = 200,
+    interface: Interface = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Show a run as a movie: a field of the bodies with the slip rate below it; needs no DOLFINx.
@@ -49,7 +50,8 @@ def movie(
         from ruptfx.results import movies
         from ruptfx.results.record import Record
 
-        path = out or run / "figures" / f"{what}.{format_}"
-        with Record(run) as record, writing(path.parent, overwrite=overwrite) as files, Progress() as bar:
+        path = out or run / "figures" / f"{what}{f'_{interface}' if interface else ''}.{format_}"
+        with Record(run) as whole, whole.on(interface) if interface else whole as record, \
+                writing(path.parent, overwrite=overwrite) as files, Progress() as bar:  # fmt: skip
             count = movies.save(record, what, files.claim(path.name), rate, frames, bar.update)
         screen.print(f"{path}, {count} frames", soft_wrap=True)

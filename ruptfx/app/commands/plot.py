@@ -9,6 +9,7 @@ import typer
 
 from ruptfx import RuptfxError
 from ruptfx.app.commands._shared import (
+    Interface,
     Overwrite,
     begin,
     completed_from,
@@ -44,6 +45,7 @@ def plot(
         "--from", metavar="<time>", help="Only times from this one on, as '10 us', or a number in s.")] = None,
     until: Annotated[str | None, typer.Option(
         "--to", metavar="<time>", help="Only times up to this one, as '30 us', or a number in s.")] = None,
+    interface: Interface = None,
     trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -52,7 +54,7 @@ def plot(
     Plug-ins of the run are not executed without --trust; figures that need them are then skipped and listed.
 
     Figures of a part of a run, with --from and --to, have the times in their names; those whose data have no time in
-    it are skipped and listed.
+    it are skipped and listed. Those of another interface than that with the largest slip have its name.
 
     Example: ruptfx plot runs/impact --figure space_time --from "10 us" --to "30 us" --format pdf
     """
@@ -61,8 +63,8 @@ def plot(
         for kind in format_:
             if kind not in FORMATS:
                 raise RuptfxError(f"--format {kind}: known: {', '.join(FORMATS)}")
-        if (figure or since or until) and any((run / name).exists() for name in ("study.json", "result.nc")):
-            raise RuptfxError(f"{run}: --figure, --from and --to are for runs with bodies; leave them out")
+        if (figure or since or until or interface) and any((run / n).exists() for n in ("study.json", "result.nc")):
+            raise RuptfxError(f"{run}: --figure, --from, --to and --interface are for runs with bodies; leave them out")
         if (run / "study.json").exists():
             from ruptfx.many_runs.study.execute import draw
 
@@ -88,13 +90,14 @@ def plot(
             if name not in plots.FIGURES:
                 raise RuptfxError(f"--figure {name}: {nearest(name, list(plots.FIGURES))}")
         first, last = seconds("--from", since), seconds("--to", until)
-        with Files(run, trust) as record, record.between(first, last) as part:
+        with Files(run, trust) as whole, whole.on(interface) if interface else whole as record, \
+                record.between(first, last) as part:  # fmt: skip
             for name in figure or []:
                 if not plots.suits(name, part):
                     drawn = ", ".join(each for each in plots.FIGURES if plots.suits(each, part))
                     raise RuptfxError(f"--figure {name}: the run has no data for it; it has {drawn}")
             times = (first, last) if part.is_part else None
-            suffix = "".join(
+            suffix = f"_{interface}" * bool(interface) + "".join(
                 f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
                 for word, time in (("from", first), ("to", last)) if time is not None
             )  # fmt: skip

@@ -18,7 +18,7 @@ NEAR = 1e-6  # of the length of an interface: largest distance of a body node fr
 
 
 def body_stress(record: Files, time: float, body: str = "") -> tuple[float, dict[str, Array]]:
-    """Return the stress in a body at the points of the first interface, at the snapshot nearest to a time.
+    """Return the stress in a body at the points of `record.interface`, at the snapshot nearest to a time.
 
     The components across the interface equal its traction up to the discretisation error; the one along it is new.
 

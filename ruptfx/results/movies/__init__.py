@@ -244,7 +244,7 @@ def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Arra
 
 
 def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]:
-    """Draw the slip rate along the first interface; return the function that updates it to a time [s]."""
+    """Draw the slip rate along `record.interface`; return the function that updates it to a time [s]."""
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
     (x_size, x_unit), (size, unit) = scale(np.ptp(position), "m"), scale(rate, "m/s")
@@ -254,7 +254,7 @@ def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]
     axes.set(xlabel=f"{place}, before it slid" if slides_far(data) else place, ylabel=f"Slip rate ({unit})")
     axes.set_ylim(0, 1.05 * float(np.nanmax(rate)) / size or 1.0)
     left, right = (position[0] / x_size, position[-1] / x_size)
-    if scene.x_label == axes.get_xlabel():
+    if scene.x_label == f"x ({x_unit})" and data.attrs.get("position_measure") == "x" and not slides_far(data):
         left, right = scene.extent[:2]
     axes.set_xlim(left, right)
 

@@ -18,7 +18,7 @@ ROWS, COLUMNS = 400, 900
 
 
 def slip_rate(record: Record) -> Film:
-    """Return the film of the slip rate along the first interface, or on it."""
+    """Return the film of the slip rate along `record.interface`, or on it."""
     nothing = RuptfxError(f"{record.path}: nothing slid; there is no slip rate to show")
     if has_surface(record):
         return _on_surface(record, nothing)
@@ -53,7 +53,7 @@ def slip_rate(record: Record) -> Film:
 
 
 def _on_surface(record: Record, nothing: RuptfxError) -> Film:
-    """Return the film of the slip rate on the first surface: strike to the right, dip downwards."""
+    """Return the film of the slip rate on `record.interface`, a surface: strike to the right, dip downwards."""
     data = record.interface
     time, strike, dip = (data[name].values for name in ("time", "position", "dip"))
     rates = [magnitude_of(data, "slip_rate", row) for row in range(len(time))]

@@ -70,14 +70,15 @@ def _bodies_by_speeds(record: Files) -> dict[tuple[float, float], list[str]]:
 
 
 def along(record: Files, size: float, unit: str) -> str:
-    """Return the label of an axis along the first interface: x, or the origin of positions."""
+    """Return the label of an axis along `record.interface`: x, or the origin of positions, and its name of several."""
     attrs = record.interface.attrs
+    name = f" on {record.interface_name}" * (len(record.interfaces) > 1)
     if attrs.get("position_measure") == "x":
-        return f"x ({unit})"
+        return f"x{name} ({unit})"
     if attrs.get("position_measure") == "arc length":
         start = ", ".join(f"{value / size:.4g}" for value in attrs["origin"])
-        return f"Arc length from ({start}) ({unit})"
-    return f"Position along the interface ({unit})"
+        return f"Arc length{name} from ({start}) ({unit})"
+    return f"Position{name or ' along the interface'} ({unit})"
 
 
 def at_positions(data: Data, x: Window | None, title: str) -> Data:
@@ -257,12 +258,12 @@ def has_slip_rates(record: Files) -> bool:
 
 
 def has_surface(record: Files) -> bool:
-    """Return whether the first interface is a surface."""
+    """Return whether `record.interface` is a surface."""
     return bool(record.interfaces) and is_surface(record.interface)
 
 
 def slid(record: Files) -> bool:
-    """Return whether the first interface slipped in some record; in finite sliding, whether a closed point did."""
+    """Return whether `record.interface` slipped in some record; in finite sliding, whether a closed point did."""
     if not has_slip_rates(record):
         return False
     data = record.interface
@@ -274,7 +275,7 @@ LEAST = 4  # points, for the speed of a front
 
 
 def has_front(record: Files) -> bool:
-    """Return whether enough of the first interface slipped for a front (in finite sliding, half of it)."""
+    """Return whether enough of `record.interface` slipped for a front (in finite sliding, half of it)."""
     if not has_slip_rates(record):
         return False
     began = np.isfinite(record.interface["rupture_time"].values)
@@ -282,7 +283,7 @@ def has_front(record: Files) -> bool:
 
 
 def has_origin(record: Files) -> bool:
-    """Return whether waves start at one position of the first interface: a front, or a nucleation of the case."""
+    """Return whether waves start at one position of `record.interface`: a front, or a nucleation of the case."""
     return has_front(record) or bool(np.isfinite(nucleation(record.interface)[1]))
 
 
