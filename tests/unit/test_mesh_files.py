@@ -210,12 +210,9 @@ OWN = PLATES.replace("Curve Loop(2) = {-3, 5, 6, 7}", "Point(7) = {40e-3, 0, 0, 
     '("upper.left") = {7}', '("upper.left") = {17}')  # fmt: skip
 
 
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("apart, matches", [(0.9e-4, True), (1.1e-4, False)])
-def test_one_tolerance_for_split_nodes(order: int, apart: float, matches: bool, tmp_path: Path) -> None:
-    """Facets are 2 mm long; sides that are closer than 1e-4 of it have equal nodes afterwards, others are refused."""
-    script = OWN + ("\nRecombine Surface{1, 2};" if order == 2 else "")
-    path = write(tmp_path / "a.msh", script, ElementOrder=order, MshFileVersion=2.2)
+def sides_apart(path: Path, order: int, apart: float) -> None:
+    """Write two plates with their own nodes, the upper one moved up [m]."""
+    write(path, OWN + "\nRecombine Surface{1, 2};" * (order == 2), MshFileVersion=2.2)
     if order == 2:
         with session() as gmsh:
             gmsh.merge(str(path))
@@ -227,19 +224,27 @@ def test_one_tolerance_for_split_nodes(order: int, apart: float, matches: bool, 
         block.data[tags == mesh.field_data["upper"][0]].ravel() for block, tags in
         zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True) if block.type[:4] in ("quad", "tria")
     ]))  # fmt: skip
-    mesh.points[upper, 1] += apart * 2e-3
+    mesh.points[upper, 1] += apart
     meshio.write(path, mesh, file_format="gmsh22", binary=False)
-    if not matches:
-        message = r"a\.msh: interface 'main': .*\(21 .*, 21 .*, 21 .* 2\.2e-07 m .* 0\.0001"
-        with pytest.raises(RuptfxError, match=facts(message)):
-            build(path)
-        return
-    raw = build(path)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_one_tolerance_for_split_nodes(order: int, tmp_path: Path) -> None:
+    """Facets are 2 mm long; nodes of both sides are closer than 1e-4 of it, and equal afterwards, those between too."""
+    sides_apart(tmp_path / "a.msh", order, 1.8e-7)
+    raw = build(tmp_path / "a.msh")
     plus, minus = raw.interfaces["main"]
     assert raw.order == order and not np.intersect1d(plus, minus).size
     assert np.array_equal(raw.points[plus], raw.points[minus])
-    on = np.abs(raw.points[:, 1] - apart * 2e-3) < 1e-12  # the nodes between, too, are where those of the plus side are
-    assert on.sum() == 2 * (21 + 20 * (order - 1))
+    assert np.sum(np.abs(raw.points[:, 1] - 1.8e-7) < 1e-12) == 2 * (21 + 20 * (order - 1))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_split_nodes_beyond_the_tolerance(order: int, tmp_path: Path) -> None:
+    sides_apart(tmp_path / "a.msh", order, 2.2e-7)
+    message = r"a\.msh: interface 'main': .*\(21 .*, 21 .*, 21 .* 2\.2e-07 m .* 0\.0001"
+    with pytest.raises(RuptfxError, match=facts(message)):
+        build(tmp_path / "a.msh")
 
 
 def test_bodies_that_coincide_to_nine_digits(tmp_path: Path) -> None:
@@ -262,7 +267,7 @@ def test_what_gmsh_reads_in_part_is_refused(version: float, tmp_path: Path) -> N
     whole = path.read_bytes()
     for part in (0.2, 0.5, 0.9):
         path.write_bytes(whole[: int(part * len(whole))])
-        with pytest.raises(RuptfxError, match=r"a\.msh: not a mesh that can be read \(.*Gmsh: .*\); write it again"):
+        with pytest.raises(RuptfxError, match=facts(r"a\.msh: .*Gmsh: ")):
             build(path)
 
 
@@ -292,7 +297,7 @@ def test_names_that_are_not_in_utf_8(version: float, tmp_path: Path) -> None:
     if version:
         path = write(tmp_path / "a.msh", script, MshFileVersion=version)
     path.write_bytes(path.read_bytes().replace(b"Flaeche", "Fl\u00e4che".encode("latin-1")))
-    with pytest.raises(RuptfxError, match=r"a\.(msh|geo): .*not in UTF-8"):
+    with pytest.raises(RuptfxError, match=facts(r"a\.\w+: .*UTF-8")):
         build(path)
 
 
