@@ -1,6 +1,7 @@
 """Moduli and wave speeds of scalars are those beside the interface, at its points and in its directions."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from ruptfx.app.checks.preflight import preflight
 from ruptfx.case import parse_case
 from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.interfaces.mechanisms.checks.plausibility import doubts
+from ruptfx.interfaces.mechanisms.checks.sliding import _driven_slip
 from ruptfx.interfaces.sliding.roughness import roughness
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic, rayleigh_speed
 from ruptfx.many_runs.study.harvest import harvest, scalars
@@ -297,3 +299,62 @@ def test_a_rough_base_is_rigid():
         model = Model(parsed, COMM)
         found = roughness(model, parsed.mesh, model.faults[0], [(0.0, model.loads)])
         assert found is not None and found.modulus == pytest.approx(modulus, rel=1e-9)
+
+
+def number_in(note, pattern):
+    (found,) = re.findall(pattern, note)
+    return float(found)
+
+
+def test_receivers_say_what_the_mesh_carries_in_their_own_body():
+    """order c_s / (5 h) with order 4 and h = 2 mm: 400 c_s. A pair in both bodies has the smaller one.
+
+    c_s = sqrt(5.3e9 / 2.7 / 1246) = 1255.2 m/s above and sqrt(2e9 / 2.6 / 1100) = 836.2 m/s below."""
+    points = {"above": [5.3e-3, 2.2e-3], "below": [5.3e-3, -2.2e-3]}
+    instruments = [{"kind": "receiver", "name": name, "interval": 1e-6, "point": point}
+                   for name, point in points.items()]  # fmt: skip
+    instruments.append({"kind": "velocimeter", "name": "pair", "interval": 1e-6, "point": points["above"],
+                        "relative_to": points["below"], "direction": [1.0, 0.0]})  # fmt: skip
+    rows = preflight(case({"materials.lower": SOFT, "instruments": instruments, "duration": 1e-5}))
+    found = {row.quantity: number_in(row.note, r"S waves to (\S+) Hz") for row in rows if "highest" in row.quantity}
+    expected = {"above": 400 * 1255.2, "below": 400 * 836.2, "pair": 400 * 836.2}
+    assert found == {f"instruments.{name}: highest frequency": pytest.approx(value, rel=5e-3)
+                     for name, value in expected.items()}  # fmt: skip
+
+
+WEAKENING = {"faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 5e-6},
+             "faults.main.initial_stress.shear": 3e6}  # fmt: skip
+STIFF_IMPEDANCE, SOFT_IMPEDANCE = np.sqrt(1246.0 * 5.3e9 / 2.7), np.sqrt(1100.0 * 2e9 / 2.6)  # rho c_s = sqrt(rho G)
+
+
+@pytest.mark.parametrize("changes, mobility", [
+    ({}, 2 / STIFF_IMPEDANCE), (far_strips({}), 2 / STIFF_IMPEDANCE),
+    ({"materials.lower": SOFT}, 1 / STIFF_IMPEDANCE + 1 / SOFT_IMPEDANCE),
+    ({"mesh.kind": "block_on_rigid"}, 1 / STIFF_IMPEDANCE),
+])  # fmt: skip
+def test_the_slip_rate_behind_a_front_radiates_into_the_bodies_beside_it(changes, mobility):
+    """V = (3 - 0.2 x 6) MPa (1 / (rho c_s)+ + 1 / (rho c_s)-), a rigid side takes nothing; the shortest time of the law
+    is D_c / V."""
+    rows = {row.quantity: row for row in preflight(case(WEAKENING | changes))}
+    assert rows["faults.main: shortest time"].value == pytest.approx(5e-6 / (1.8e6 * mobility), rel=1e-6)
+
+
+@pytest.mark.parametrize("changes", [{}, far_strips({})])
+def test_records_are_compared_with_the_front_beside_the_interface(changes):
+    """A front at c_R of Homalite, whatever is 2 mm away, passes a point in the process zone over c_R."""
+    often = {"output.interface_interval": 1e-3, "duration": 1e-2}
+    rows = {row.quantity: row for row in preflight(case(WEAKENING | changes | often))}
+    passing = number_in(rows["faults.main: interval of records"].note, r"passes a point in (\S+) s")
+    c_s = np.sqrt(5.3e9 / 2.7 / 1246.0)
+    c_R = rayleigh_speed(np.sqrt(5.3e9 / (1 - 0.35**2) / 1246.0), c_s)
+    assert passing == pytest.approx(rows["faults.main: static process zone"].value / c_R, rel=5e-3)
+
+
+def test_driven_edges_of_both_bodies_slide_them_apart():
+    """The upper body goes 10 m/s and the lower one -3 m/s for 2 us: 26 um."""
+    parsed = parse_case(rough())
+    table = parsed.table()
+    next(b for b in table["boundaries"] if b["edge"] == "lower.bottom" and b["component"] == "x")["velocity"] = -3.0
+    model = Model(parse_case(table), COMM)
+    slip = _driven_slip(model, model.faults[0].interface, np.array([1.0, 0.0]), 2e-6, model.loads)
+    assert slip == pytest.approx(26e-6, rel=1e-12)
