@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from ruptfx.many_runs.adjoint.comparison import disagree
 from ruptfx.many_runs.adjoint.figure import draw
 from ruptfx.many_runs.adjoint.gradients import Objective
 from ruptfx.many_runs.adjoint.sweeps import Sweeps
-from ruptfx.many_runs.adjoint.unknowns import perturbed, places
+from ruptfx.many_runs.adjoint.unknowns import hats, perturbed, places
 from ruptfx.platform import fem, launch
 from ruptfx.readings.instruments.model_readings import ModelReadings
 from ruptfx.run.model import Model
@@ -536,6 +537,14 @@ def test_derivatives_by_knots_are_those_by_hats() -> None:
     assert float(by_knots.sum()) == pytest.approx(by_points.attrs["uniform_change"], rel=1e-13)
     figure = draw(found)
     assert figure.axes[0].lines[-1].get_ydata() == pytest.approx(by_knots.values)
+
+
+def test_values_between_knots_are_linear_and_constant_beyond() -> None:
+    line: Any = SimpleNamespace(across=None)
+    x = np.array([0.0, 1.0, 1.5, 3.0, 4.0, 9.0])
+    found = hats(Unknown(key="key", shape="knots", knots=[1.0, 2.0, 4.0]), line, x, "key")
+    expected = [[1, 0, 0], [1, 0, 0], [0.5, 0.5, 0], [0, 0.5, 0.5], [0, 0, 1], [0, 0, 1]]
+    np.testing.assert_allclose(found, expected)
 
 
 def test_the_command_writes_data_and_a_figure(tmp_path: Path) -> None:

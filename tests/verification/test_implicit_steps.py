@@ -14,6 +14,7 @@ pytest.importorskip("dolfinx")
 from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
 from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.steppers.generalized_alpha import GeneralizedAlpha
 
 pytestmark = pytest.mark.fem
@@ -72,6 +73,23 @@ def test_unresolved_motion_is_kept_to_the_spectral_radius(scheme: str, rho: floa
     new = np.array([[1, 0, -beta], [0, 1, -gamma], [square * (1 - alpha_f), 0, 1 - alpha_m]])
     old = np.array([[1, 1, 0.5 - beta], [0, 1, 1 - gamma], [-square * alpha_f, 0, -alpha_m]])
     assert np.abs(np.linalg.eigvals(np.linalg.solve(new, old))).max() == pytest.approx(rho, abs=0.02)
+
+
+def test_halved_steps_double_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No step beyond 0.3 of the length is solved until the fourth; then every step is twice the one before, at most."""
+    bound = case({"boundaries": HELD, "stepper": implicit("generalized_alpha", time_step=1e-6)})
+    model = Model(bound)
+    motion, state, made = bound.stepper.bind(model), model.initial_state(), list[float]()
+
+    def advance_or_fail(state: Any, dt: float, carried: np.ndarray) -> None:
+        if len(made) < 3 and dt > 0.3e-6:
+            raise ConvergenceError("too long")
+        made.append(dt)
+
+    monkeypatch.setattr(motion, "_advance", advance_or_fail)
+    for _ in range(6):
+        motion.step(state)
+    assert made == pytest.approx([0.25e-6, 0.25e-6, 0.25e-6, 0.5e-6, 1e-6, 1e-6])
 
 
 def lowest_mode(motion: Any) -> tuple[np.ndarray, float]:

@@ -159,6 +159,18 @@ def test_steps_without_numbers_of_the_case_are_those_of_the_documentation() -> N
     assert motion.dt == pytest.approx(0.01 * D_C / V, rel=0.02) and motion._greatest == 3.0
 
 
+@pytest.mark.parametrize("error, newton, factor", [
+    (1e-9, 5, 2**0.5), (1e-9, 8, 1.0), (1e-9, 13, 2**-0.75), (0.64, 5, 1.0), (1.0, 5, 2**-0.5),
+])  # fmt: skip
+def test_the_next_step_follows_the_error_and_the_iterations(error: float, newton: int, factor: float) -> None:
+    """0.8 over the root of the error, at most 1.5; at most 1 above 6 and 0.7 above 12 iterations; down to 2^(n / 4)."""
+    case = parse_case(slider(K_C))
+    motion = case.stepper.bind(Model(case))
+    assert motion._next(0.5, error, SimpleNamespace(iterations=2 * newton, outer=2)) == pytest.approx(
+        0.5 * factor, rel=2e-3
+    )  # three digits
+
+
 def test_the_error_of_the_strength_is_half_of_a_change_by_the_rates() -> None:
     """Theta after a step at the slip rate before it, D_c / V + (theta - D_c / V) exp(-V dt / D_c), and at its end."""
     case = parse_case(slider(K_C, {"stepper.strength_tolerance": 1e-3}))

@@ -222,6 +222,16 @@ def test_the_order_of_the_interfaces_changes_nothing(tmp_path):
     assert "interfaces.branch.max_slip" in scalars(table["faults"])
 
 
+def test_the_speed_of_an_interface_is_that_of_its_mean_slowness(tmp_path):
+    """Half of it between plates of 5.3 and half of 2 GPa."""
+    changes = {"duration": 1e-7, "materials.default.young_modulus": layers("x", [6e-3], [5.3e9, 2e9])}
+    with simulate(case(changes), tmp_path / "run", progress=False) as record:
+        data = record.interface
+        for name in ("c_p", "c_s", "c_R"):
+            assert np.ptp(data[name].values) > 0.3 * data[name].values.max()
+            assert data.attrs[name] == pytest.approx(1 / np.mean(1 / data[name].values), rel=1e-12)
+
+
 def test_a_run_of_an_earlier_version_opens(tmp_path):
     """Without columns of speeds and without `interface` in the summary it has the numbers of its attributes."""
     import h5py
