@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -437,6 +438,21 @@ def test_term_of_an_objective(tmp_path: Path) -> None:
     assert found["faults.main.initial_stress.shear"].attrs["units"] == "m/Pa"
     assert float(found["faults.main.initial_stress.shear"].sum()) > 0
     assert 0 < float(found["objective"]) < 1e-3
+
+
+@pytest.mark.parametrize("names, fault, expected", [
+    (["a"], None, "a"), (["a", "b"], "b", "b"), (["a", "b"], None, None), (["a"], "b", None),
+])  # fmt: skip
+def test_a_term_names_its_interface_where_there_are_several(names: list[str], fault: str | None, expected: str) -> None:
+    term = {"kind": "mean_slip", **({"fault": fault} if fault else {})}
+    case = in_a_case("mean_slip", slip_weakening({"objective": [term]}))
+    bodies: Any = SimpleNamespace(model=SimpleNamespace(faults=[SimpleNamespace(name=name) for name in names]))
+    if expected is None:
+        with pytest.raises(ruptfx.RuptfxError, match=facts(rf"objective\.0\.fault = {fault}: .*{', '.join(names)}")):
+            case.objective[0].requests(bodies, "objective.0")
+    else:
+        (request,) = case.objective[0].requests(bodies, "objective.0")
+        assert (request.fault, request.field) == (expected, "slip")
 
 
 def test_profile(tmp_path: Path) -> None:
