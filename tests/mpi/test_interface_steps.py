@@ -58,7 +58,7 @@ def march(given: Case, looks: list[int], defer: bool = True) -> list[dict[str, A
     seen = []
     for step in range(1, looks[-1] + 1):
         motion.step(state)
-        assert interface_steps.InterfaceSteps.has_base(state) is defer
+        assert (interface_steps.Carried.of(state) is not None) is defer
         if step in looks:
             assert state.deferred is (defer and step > 1)
             energies = motion.energies(state)
@@ -108,7 +108,7 @@ def test_energies_stay_when_another_stepper_takes_over() -> None:
     before = motion.energies(state)
     assert before["strain"] > 0.01 * before["boundary_work"] > 0
     motion.leave(state)
-    assert not (interface_steps.InterfaceSteps.has_base(state) or state.fields or state.points)
+    assert not (interface_steps.Carried.of(state) or state.fields or state.points)
     assert model.energies(state) == pytest.approx(before, rel=1e-12, abs=1e-12 * before["boundary_work"])
 
 
@@ -170,7 +170,7 @@ def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog
     since = state.numbers["deferred_since"]
     state.lazy_bodies = False
     motion.step(state)
-    assert not interface_steps.InterfaceSteps.has_base(state)
+    assert interface_steps.Carried.of(state) is None
     state.lazy_bodies = True
     motion.step(state)
     assert state.numbers["deferred_since"] == state.time > since  # solved as a whole, and a new base
@@ -183,8 +183,8 @@ def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog
     compliance.blocks *= 1.001
     motion.step(state)
     energies = motion.energies(state)
-    assert "out of balance" in caplog.text and not interface_steps.InterfaceSteps.has_base(state)
+    assert "out of balance" in caplog.text and interface_steps.Carried.of(state) is None
     compliance.blocks /= 1.001
     motion.step(state)
-    assert interface_steps.InterfaceSteps.has_base(state)
+    assert interface_steps.Carried.of(state) is not None
     assert motion.energies(state)["boundary_work"] > energies["boundary_work"]

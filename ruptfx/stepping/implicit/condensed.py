@@ -106,6 +106,28 @@ class Tractions:
     tangent: np.ndarray
 
 
+@dataclass(frozen=True)
+class Start:
+    """Start of Newton's iteration, e = 0: the jumps of known bodies, or those that interfaces are expected to have.
+
+    Attributes
+    ----------
+    influence : Influence
+        Jumps under unit tractions.
+    jumps : ndarray, shape (points, local)
+        Jumps for e = 0 [m], at which the step has been evaluated.
+    driven : ndarray, shape (points, local)
+        -J A^-1 R [m].
+    enough : float
+        Tolerated residual of the full system [N]; a hundredth of it is the tolerance here.
+    """
+
+    influence: Influence
+    jumps: np.ndarray
+    driven: np.ndarray
+    enough: float
+
+
 @dataclass
 class Guess:
     """Jumps e [m], shape (points, local), with dt/de there, q [Pa] and the residual of e + S W q(e) [m]."""
@@ -156,17 +178,17 @@ class Condensed:
                 self.reason = "DIVERGED: the residual falls no more" if np.isfinite(left) else "DIVERGED: a law failed"
                 return False
             before = left
-            compliance = self.influence(step)
-            driven, finish = compliance.begin(-step.residual, 0.1 * step.enough(TOLERANCE))
-            start, begun, enough = self.jumps.of(u), step.multipliers, step.enough(TOLERANCE)
-            found = self.balance(step, compliance, start, driven, enough)
-            if found is None and self._surfaces is not None:
-                step.multipliers, self.outer = begun, 1
-                self.tractions(step, start)
-                found = self.balance(step, compliance, start, driven, enough, together=True)
-            if found is None:
+            influence, multipliers = self.influence(step), step.multipliers
+            driven, finish = influence.begin(-step.residual, 0.1 * step.enough(TOLERANCE))
+            start = Start(influence, self.jumps.of(u), driven, step.enough(TOLERANCE))
+            root = self.balance(step, start)
+            if root is None and self._surfaces is not None:
+                step.multipliers, self.outer = multipliers, 1
+                self.tractions(step, start.jumps)
+                root = self.balance(step, start, together=True)
+            if root is None:
                 return False
-            u += finish(found.q)
+            u += finish(root.q)
         self.reason = "DIVERGED: the residual falls too slowly"
         return False
 
@@ -205,94 +227,39 @@ class Condensed:
         self._kept[key] = found
         return found
 
-    def balance(
-        self, step: Step, compliance: Influence, start: np.ndarray, driven: np.ndarray, enough: float,
-        together: bool = False,
-    ) -> Guess | None:  # fmt: skip
+    def balance(self, step: Step, start: Start, together: bool = False) -> Guess | None:
         """Return the jumps e that balance forces, None if none are found; collective.
 
         The step must have been evaluated at the jumps at the start; afterwards it has been at those of the end.
 
         Parameters
         ----------
-        start : ndarray, shape (points, local)
-            Jumps for e = 0 [m].
-        driven : ndarray, shape (points, local)
-            -J A^-1 R [m].
-        enough : float
-            Tolerated residual of the full system [N]; a hundredth of it is the tolerance here.
         together : bool
-            Begin with tension in open points, as if they were closed: bodies that only contact supports then
-            overlap, and the iteration opens points instead of searching for the first one that touches.
+            Begin with all points closed, so that a body which only contact supports is held; the iteration then opens
+            points instead of searching for the first one that touches.
         """
-        stuck, begin = compliance.stuck, self.gather(step)
-        changes = _Changes(compliance)
-
-        def guess(e: np.ndarray, t: Tractions | None) -> Guess | None:
-            if t is None:
-                return None
-            q = traction_change(t.value, begin.value, blockwise_product(stuck, e))
-            return Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
-
-        now = guess(np.zeros_like(driven), begin)
-        if together:
-            opening = self.jumps.gather({name: response.state["opening"] for name, response in step.responses.items()})
-            pulled = np.zeros_like(driven)
-            pulled[:, 0] = stuck[:, 0, 0] * opening
-            e = self._agreed(driven - compliance.jumps_under(pulled))
-            now = guess(e, self.tractions(step, start + e))
-        while now is not None and self.outer <= MAX_OUTER:
-            stalled, before = 0, np.inf
-            for _ in range(MAX_NEWTON):
-                forces, size = self.residual_bound(compliance, now), self._agreed(float(np.linalg.norm(now.residual)))
-                self.history.append(forces)
-                # Or the jumps are exact up to rounding.
-                small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
-                # Below the tolerance, Newton's iteration converges fast or has reached rounding.
-                ends = forces <= enough and size > FAST * before
-                if self._agreed(bool(forces <= 0.01 * enough or small or ends)):
-                    break
-                change = self._agreed(changes.solve(now.tangent - stuck, now.residual))
-                self.iterations += 1
-                longest = length = min(1.0, compliance.farthest / max(float(np.abs(change).max()), 1e-300))
-                taken, before = None, size
-                for _ in range(MAX_HALVINGS):
-                    e = now.e + length * change
-                    there = guess(e, self.tractions(step, start + e))
-                    ahead = np.inf if there is None else float(np.linalg.norm(there.residual))
-                    size = self._agreed(ahead)
-                    if size <= (1 - 1e-4 * length) * before:
-                        taken = there
-                        break
-                    length *= 0.5
-                stalled = stalled + 1 if length < longest and size > STALLING * before else 0
-                if taken is None and forces <= enough:
-                    break
-                if taken is None or stalled == MAX_STALLED:
-                    self.reason = f"DIVERGED: no step at the interfaces reduces {self.history[-1]:.3g} N"
-                    return None
-                now = taken
-            else:
-                self.reason = f"DIVERGED: {MAX_NEWTON} iterations at the interfaces"
-                return None
-            if step.multipliers_converged():
-                return now
+        newton = _Newton(self, step, start)
+        guess = newton.first(together)
+        while guess is not None and self.outer <= MAX_OUTER:
+            guess = newton.solve(guess)
+            if guess is None or step.multipliers_converged():
+                return guess
             step.update_multipliers()
             self.outer += 1
-            now = guess(now.e, self.tractions(step, start + now.e))
-        failed = "a law failed" if now is None else f"tractions still change after {MAX_OUTER} updates"
+            guess = newton.at(guess.e)
+        failed = "a law failed" if guess is None else f"tractions still change after {MAX_OUTER} updates"
         self.reason = f"DIVERGED: {failed}"
         return None
 
-    def residual_bound(self, compliance: Influence, found: Guess) -> float:
+    def residual_bound(self, influence: Influence, guess: Guess) -> float:
         """Return an upper bound of the unbalanced forces for a residual of the jumps [N]; collective.
 
         No interface is stiffer than a stuck one.
         """
-        pulls = compliance.weight[:, None] * blockwise_product(compliance.stuck, found.residual)
-        return self._agreed(float(np.linalg.norm(pulls)))
+        pulls = influence.weight[:, None] * blockwise_product(influence.stuck, guess.residual)
+        return self.agreed(float(np.linalg.norm(pulls)))
 
-    def _agreed(self, value: Value) -> Value:
+    def agreed(self, value: Value) -> Value:
         """Return the value of the first rank, as all compute the same up to rounding; collective."""
         comm = self._model.comm
         agreed: Value = value if comm.size == 1 else comm.bcast(value, root=0)
@@ -316,6 +283,72 @@ class Condensed:
             for part in ("traction", "tangent")
         )
         return Tractions(value, tangent)
+
+
+class _Newton:
+    """Newton's iteration for the jumps of a step; it ends with the same multipliers with which it begins."""
+
+    def __init__(self, solver: Condensed, step: Step, start: Start) -> None:
+        self._solver, self._step, self._start = solver, step, start
+        self._begin, self._changes = solver.gather(step), _Changes(start.influence)
+
+    def first(self, together: bool) -> Guess | None:
+        """Return the guess at the start, or that of closed points (`Condensed.balance`)."""
+        step, start, solver = self._step, self._start, self._solver
+        if not together:
+            return self._residual(np.zeros_like(start.driven), self._begin)
+        opening = solver.jumps.gather({name: response.state["opening"] for name, response in step.responses.items()})
+        pulled = np.zeros_like(start.driven)
+        pulled[:, 0] = start.influence.stuck[:, 0, 0] * opening
+        return self.at(solver.agreed(start.driven - start.influence.jumps_under(pulled)))
+
+    def at(self, e: np.ndarray) -> Guess | None:
+        """Return the residual at some jumps, None where a law fails; collective."""
+        tractions = self._solver.tractions(self._step, self._start.jumps + e)
+        return None if tractions is None else self._residual(e, tractions)
+
+    def _residual(self, e: np.ndarray, tractions: Tractions) -> Guess:
+        start = self._start
+        q = traction_change(tractions.value, self._begin.value, blockwise_product(start.influence.stuck, e))
+        return Guess(e, tractions.tangent, q, e - start.driven + start.influence.jumps_under(q))
+
+    def solve(self, guess: Guess) -> Guess | None:
+        """Return the root for the present multipliers, None with `Condensed.reason` if there is none; collective."""
+        solver, start, stalled, before = self._solver, self._start, 0, np.inf
+        for _ in range(MAX_NEWTON):
+            forces = solver.residual_bound(start.influence, guess)
+            size = solver.agreed(float(np.linalg.norm(guess.residual)))
+            solver.history.append(forces)
+            # Or the jumps are exact up to rounding.
+            small = size <= 1e-15 * (np.linalg.norm(guess.e) + np.linalg.norm(start.jumps))
+            # Below the tolerance, Newton's iteration converges fast or has reached rounding.
+            ends = forces <= start.enough and size > FAST * before
+            if solver.agreed(bool(forces <= 0.01 * start.enough or small or ends)):
+                return guess
+            change = solver.agreed(self._changes.solve(guess.tangent - start.influence.stuck, guess.residual))
+            solver.iterations += 1
+            following, stalls = self._search(guess, change, size)
+            before, stalled = size, stalled + 1 if stalls else 0
+            if following is None and forces <= start.enough:
+                return guess
+            if following is None or stalled == MAX_STALLED:
+                solver.reason = f"DIVERGED: no step at the interfaces reduces {forces:.3g} N"
+                return None
+            guess = following
+        solver.reason = f"DIVERGED: {MAX_NEWTON} iterations at the interfaces"
+        return None
+
+    def _search(self, guess: Guess, change: np.ndarray, size: float) -> tuple[Guess | None, bool]:
+        """Return the guess after a change that is halved until the residual falls, and whether it hardly falls."""
+        longest = length = min(1.0, self._start.influence.farthest / max(float(np.abs(change).max()), 1e-300))
+        ahead = np.inf
+        for _ in range(MAX_HALVINGS):
+            following = self.at(guess.e + length * change)
+            ahead = self._solver.agreed(np.inf if following is None else float(np.linalg.norm(following.residual)))
+            if ahead <= (1 - 1e-4 * length) * size:
+                return following, length < longest and ahead > STALLING * size
+            length *= 0.5
+        return None, ahead > STALLING * size
 
 
 class _Changes:

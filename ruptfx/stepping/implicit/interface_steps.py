@@ -14,16 +14,16 @@ velocity, together, when output needs them (`advance_bodies`). Results do not de
 bit of later steps, and a restarted run has bitwise the same results.
 
 The work of boundaries on bodies in equilibrium at both ends of a step is the change of strain energy, and interfaces
-take the mean traction times the change of the jump. Only the latter is counted step by step: from `set_base` to
-`drop_base` the strain energy is left out of `State.energy["boundary_work"]`, and kinetic energy, which equilibrium
-loses, of `State.energy["damping"]`; `energies` adds them.
+take the mean traction times the change of the jump. Only the latter is counted step by step: from `begin` to `end` the
+strain energy is left out of `State.energy["boundary_work"]`, and kinetic energy, which equilibrium loses, of
+`State.energy["damping"]`; `energies` adds them.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,7 @@ import numpy as np
 
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
-from ruptfx.stepping.implicit.condensed import Condensed, blockwise_product, traction_change
+from ruptfx.stepping.implicit.condensed import Condensed, Start, blockwise_product, traction_change
 from ruptfx.stepping.implicit.solution import Solution
 from ruptfx.stepping.implicit.solvers import TOLERANCE
 from ruptfx.stepping.implicit.step import FAR, Step, Terms
@@ -42,7 +42,81 @@ if TYPE_CHECKING:
     from ruptfx.stepping.implicit.compliance import Compliance, Jumps
 
 BASE, SINCE, BEFORE = "deferred_base", "deferred_since", "deferred_before"
-CARRIED = ("jump", "jump_rate", "traction_rate", "base_traction")
+
+
+@dataclass
+class CarriedPoints:
+    """What steps on the interfaces carry at points, shape (points, local).
+
+    Attributes
+    ----------
+    jump, jump_rate : ndarray
+        Displacement jump at the end of the last step [m], and its rate in that step [m/s].
+    traction_rate : ndarray
+        Rate of the tractions in the last step [Pa/s].
+    base_traction : ndarray
+        T - T_0 of the base [Pa].
+    """
+
+    jump: np.ndarray
+    jump_rate: np.ndarray
+    traction_rate: np.ndarray
+    base_traction: np.ndarray
+
+    @classmethod
+    def names(cls) -> list[str]:
+        """Return the names of the arrays."""
+        return [each.name for each in fields(cls)]
+
+    @classmethod
+    def of(cls, columns: FaultState) -> CarriedPoints:
+        """Return the arrays from `columns`."""
+        local = range(len(columns) // len(cls.names()))
+        return cls(*(np.stack([columns[f"deferred.{n}.{k}"] for k in local], axis=1) for n in cls.names()))
+
+    def columns(self) -> FaultState:
+        """Return the components as fields of points, which checkpoints contain."""
+        # No field of a law has a dot in its name.
+        return {f"deferred.{n}.{k}": each for n in self.names() for k, each in enumerate(getattr(self, n).T.copy())}
+
+
+@dataclass
+class Carried:
+    """What steps on the interfaces carry from one to the next.
+
+    Attributes
+    ----------
+    base : ndarray, shape (nodes * components,)
+        Displacement of the bodies in equilibrium, from which steps are counted [m].
+    since, before : float
+        Times of the base and of the start of the last step [s].
+    points : dict of str to CarriedPoints
+        By fault.
+    """
+
+    base: np.ndarray
+    since: float
+    before: float
+    points: dict[str, CarriedPoints]
+
+    @classmethod
+    def of(cls, state: State) -> Carried | None:
+        """Return what a state carries, None if its bodies are up to date and no step has begun from them."""
+        if SINCE not in state.numbers:
+            return None
+        points = {name: CarriedPoints.of(columns) for name, columns in state.points.items()}
+        return cls(state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE], points)
+
+    def store(self, state: State) -> None:
+        """Set it in a state."""
+        state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE] = self.base, self.since, self.before
+        state.points |= {name: points.columns() for name, points in self.points.items()}
+
+    @staticmethod
+    def remove(state: State) -> None:
+        """Remove it from a state."""
+        del state.numbers[SINCE], state.numbers[BEFORE], state.fields[BASE]
+        state.points.clear()
 
 
 def fits(model: System) -> bool:
@@ -136,51 +210,40 @@ class InterfaceSteps:
         """Return the displacement under nodal forces [N]; collective."""
         return compliance.solve(nodal)
 
-    @staticmethod
-    def has_base(state: State) -> bool:
-        """Return whether a state has a base."""
-        return SINCE in state.numbers
-
-    def set_base(self, state: State) -> None:
-        """Make a state in equilibrium the base; collective."""
-        kinetic, strain = self._model.bulk_energies(state)
-        state.energy["boundary_work"] -= strain
-        state.energy["damping"] += kinetic
-        state.fields[BASE] = state.displacement.copy()
-        state.numbers[SINCE] = state.numbers[BEFORE] = state.time
+    def begin(self, state: State) -> None:
+        """Begin steps on the interfaces with a state in equilibrium; collective."""
+        self._leave_out(state, 1.0)
         traction = self._equilibrium.forces.tractions(state)
-        for fault in self._model.faults:
-            face = fault.interface
-            state.points[fault.name] = _packed(
-                face.jump(state.displacement), face.rate(state.velocity), np.zeros_like(traction[fault.name]),
-                traction[fault.name],
-            )  # fmt: skip
+        Carried(state.displacement.copy(), state.time, state.time, {
+            fault.name: CarriedPoints(
+                fault.interface.jump(state.displacement), fault.interface.rate(state.velocity),
+                np.zeros_like(traction[fault.name]), traction[fault.name],
+            ) for fault in self._model.faults
+        }).store(state)  # fmt: skip
 
-    def drop_base(self, state: State) -> None:
-        """Remove the base, if there is one, and complete the state as if there had been none; collective."""
-        if not self.has_base(state):
-            return
+    def end(self, state: State) -> None:
+        """Complete a state as if no step had been made on the interfaces alone; collective."""
         self.advance_bodies(state)
-        if not self.has_base(state):  # the bodies were out of balance
-            return
+        if Carried.of(state) is not None:  # else it had none, or the bodies were out of balance
+            self._leave_out(state, -1.0)
+            Carried.remove(state)
+
+    def _leave_out(self, state: State, sign: float) -> None:
+        """Leave the energies of bodies out of the sums of steps, or count them again; collective."""
         kinetic, strain = self._model.bulk_energies(state)
-        state.energy["boundary_work"] += strain
-        state.energy["damping"] -= kinetic
-        for name in (SINCE, BEFORE):
-            del state.numbers[name]
-        del state.fields[BASE]
-        state.points.clear()
+        state.energy["boundary_work"] -= sign * strain
+        state.energy["damping"] += sign * kinetic
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies over all ranks [J]; collective."""
         self.advance_bodies(state)
-        found = self._model.energies(state)
-        if self.has_base(state):
-            found["boundary_work"] += found["strain"]
-            found["damping"] -= found["kinetic"]
-        return found
+        energies = self._model.energies(state)
+        if Carried.of(state) is not None:
+            energies["boundary_work"] += energies["strain"]
+            energies["damping"] -= energies["kinetic"]
+        return energies
 
-    def solve(self, state: State, dt: float) -> InterfaceSolution | None:
+    def solve(self, state: State, carried: Carried, dt: float) -> InterfaceSolution | None:
         """Return the equilibrium at state.time + dt, with `state` unchanged; collective.
 
         Returns
@@ -193,34 +256,33 @@ class InterfaceSteps:
         ConvergenceError
             On all ranks: no equilibrium at the interfaces, and so none of the full system, which is equivalent.
         """
-        solver, jumps = self._solver, self._solver.jumps
-        now, rate, _, base_traction = self._carried(state)
-        base_jump, start = jumps.of(state.fields[BASE]), now + dt * rate + self._gained(state, dt)
+        solver, jumps, points = self._solver, self._solver.jumps, self._gathered(carried)
+        base_jump, expected = jumps.of(carried.base), points.jump + dt * points.jump_rate + self._gained(state, dt)
         iterations, outer, uncertain = 0, 0, False
         for easing in self._equilibrium.easings:
             step = self._step(state, dt, easing)
             compliance = solver.compliance(step)
             solver.clear_history()
-            begin = solver.tractions(step, start)
+            begin = solver.tractions(step, expected)
             if begin is None:
                 return None
-            driven = base_jump - start
-            for path, part in self._grown(state.numbers[SINCE], step.time):
+            driven = base_jump - expected
+            for path, part in self._grown(carried.since, step.time):
                 driven += part * path.answer(compliance)[1]
-            p = traction_change(begin.value, base_traction, blockwise_product(compliance.stuck, start - base_jump))
-            driven -= compliance.jumps_under(p)
-            carried, least = self._sizes(step, start)
-            enough = max(TOLERANCE * carried, least)
-            found = solver.balance(step, compliance, start, driven, enough)
+            sticking = blockwise_product(compliance.stuck, expected - base_jump)
+            driven -= compliance.jumps_under(traction_change(begin.value, points.base_traction, sticking))
+            forces, least = self._sizes(step, expected)
+            start = Start(compliance, expected, driven, max(TOLERANCE * forces, least))
+            root = solver.balance(step, start)
             iterations, outer = iterations + solver.iterations, outer + solver.outer
-            if found is None:
+            if root is None:
                 continue
-            uncertain, ends = True, start + found.e
-            carried, rounding = self._sizes(step, ends)
+            uncertain, ends = True, expected + root.e
+            forces, rounding = self._sizes(step, ends)
             # Unsupported bodies fly far: rounding counts in proportion to the forces.
-            allowed = max(FAR * carried, 2 * least)
-            accepted = max(enough, min(5 * rounding, allowed))
-            if rounding <= allowed and solver.residual_bound(compliance, found) <= accepted:
+            allowed = max(FAR * forces, 2 * least)
+            accepted = max(start.enough, min(5 * rounding, allowed))
+            if rounding <= allowed and solver.residual_bound(compliance, root) <= accepted:
                 return InterfaceSolution(
                     step.driven, np.zeros(0), {name: response.state for name, response in step.responses.items()}, dt,
                     iterations, outer, list(solver.history), 0.0, self._equilibrium.answers,
@@ -245,39 +307,38 @@ class InterfaceSteps:
 
     def commit(self, state: State, solution: InterfaceSolution) -> None:
         """Set the state at the end of the step, except for the bodies, and count the work of the boundaries."""
-        before = self._equilibrium.forces.tractions(state)
+        before, carried = self._equilibrium.forces.tractions(state), Carried.of(state)
+        assert carried is not None
         for fault in self._model.faults:
-            name, face = fault.name, fault.interface
-            jump, traction, dt = solution.jumps[name], solution.tractions[name], solution.dt
-            old, _, _, base_traction = _unpacked(state.points[name])
+            name, face, old = fault.name, fault.interface, carried.points[fault.name]
+            traction, change, dt = solution.tractions[name], solution.jumps[name] - old.jump, solution.dt
             mean = 0.5 * (before[name] + traction)
-            work = float(np.sum((face.owned * face.weight)[:, None] * mean * (jump - old)))
-            state.energy["boundary_work"] += work
-            state.points[name] = _packed(jump, (jump - old) / dt, (traction - before[name]) / dt, base_traction)
-        state.numbers[BEFORE] = state.time
+            state.energy["boundary_work"] += float(np.sum((face.owned * face.weight)[:, None] * mean * change))
+            rates = change / dt, (traction - before[name]) / dt
+            carried.points[name] = CarriedPoints(solution.jumps[name], *rates, old.base_traction)
+        replace(carried, before=state.time).store(state)
         solution.commit(state)
         state.deferred = True
 
     def advance_bodies(self, state: State) -> None:
         """Update displacement and velocity of the bodies if they are deferred; collective."""
-        if not state.deferred:
+        carried = Carried.of(state)
+        if not state.deferred or carried is None:
             return
         state.deferred = False
-        model, jumps = self._model, self._solver.jumps
+        model, jumps, points = self._model, self._solver.jumps, self._gathered(carried)
         compliance = self._solver.compliance(self._step(state, 1.0, 1.0))
-        base, since, before = state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE]
-        jump, jump_rate, traction_rate, base_traction = self._carried(state)
         traction = jumps.gather(self._equilibrium.forces.tractions(state))
-        sticking = blockwise_product(compliance.stuck, jump - jumps.of(base))
-        rate = traction_rate - blockwise_product(compliance.stuck, jump_rate)
-        pulls = traction_change(traction, base_traction, sticking), rate
-        forces = (jumps.force(-pull, len(base)) for pull in pulls)
+        sticking = blockwise_product(compliance.stuck, points.jump - jumps.of(carried.base))
+        rate = points.traction_rate - blockwise_product(compliance.stuck, points.jump_rate)
+        pulls = traction_change(traction, points.base_traction, sticking), rate
+        forces = (jumps.force(-pull, len(carried.base)) for pull in pulls)
         displacement, velocity = compliance.solve_each(forces, 2)
-        displacement += base
-        for path, part in self._grown(since, state.time):
+        displacement += carried.base
+        for path, part in self._grown(carried.since, state.time):
             displacement += part * path.answer(compliance)[0]
-        for path, part in self._grown(before, state.time):
-            velocity += part / (state.time - before) * path.answer(compliance)[0]
+        for path, part in self._grown(carried.before, state.time):
+            velocity += part / (state.time - carried.before) * path.answer(compliance)[0]
         free = ~model.loads.prescribed
         state.displacement[free] = displacement[free]  # driven edges have their prescribed position bitwise
         state.velocity[:] = velocity
@@ -294,10 +355,13 @@ class InterfaceSteps:
             if part:
                 yield path, part
 
-    def _carried(self, state: State) -> list[np.ndarray]:
-        """Return `CARRIED` at all points, shape (points, local); collective."""
-        found = {name: np.stack(_unpacked(fields), axis=2) for name, fields in state.points.items()}
-        return list(np.moveaxis(self._solver.jumps.gather(found), 2, 0))
+    def _gathered(self, carried: Carried) -> CarriedPoints:
+        """Return what is carried at all points of all faults, by one message; collective."""
+        stacked = {
+            name: np.stack([getattr(points, each) for each in points.names()], axis=2)
+            for name, points in carried.points.items()
+        }
+        return CarriedPoints(*np.moveaxis(self._solver.jumps.gather(stacked), 2, 0))
 
     def _sizes(self, step: Step, jump: np.ndarray) -> tuple[float, float]:
         """Return norms of the forces of interfaces and of their rounding [N]; collective."""
@@ -323,16 +387,4 @@ class InterfaceSteps:
                 "bodies are out of balance by %.3g N of %.3g N at %.9g s: the next step is solved as a whole",
                 left, max(sizes), state.time,
             )  # fmt: skip
-            self.drop_base(state)
-
-
-def _packed(*given: np.ndarray) -> FaultState:
-    """Return one array of shape (n, local) for each of `CARRIED`, component by component."""
-    pairs = zip(CARRIED, given, strict=True)
-    # No field of a law has a dot in its name.
-    return {f"deferred.{name}.{k}": column for name, values in pairs for k, column in enumerate(values.T.copy())}
-
-
-def _unpacked(fields: FaultState) -> list[np.ndarray]:
-    local = len(fields) // len(CARRIED)
-    return [np.stack([fields[f"deferred.{name}.{k}"] for k in range(local)], axis=1) for name in CARRIED]
+            self.end(state)

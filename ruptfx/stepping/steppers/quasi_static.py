@@ -15,7 +15,7 @@ from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.laws.contact import Way
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
-from ruptfx.stepping.implicit.interface_steps import InterfaceSolution
+from ruptfx.stepping.implicit.interface_steps import Carried, InterfaceSolution
 from ruptfx.stepping.implicit.options import PetscOptions
 from ruptfx.stepping.steppers import Stepper
 from ruptfx.stepping.steppers._slow import SlowMotion
@@ -136,7 +136,7 @@ class QuasiStaticMotion(SlowMotion):
     def leave(self, state: State) -> None:
         """End the deferred updates of these steps."""
         if self.equilibrium.interface_steps is not None:
-            self.equilibrium.interface_steps.drop_base(state)
+            self.equilibrium.interface_steps.end(state)
 
     def enter(self, state: State) -> None:
         """Limit the next step to the first step of a run, as other loads may be faster."""
@@ -145,16 +145,16 @@ class QuasiStaticMotion(SlowMotion):
     def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
         """Return the equilibrium, or None where none is found and a smaller step may help."""
         alone = self.equilibrium.interface_steps
-        if alone is not None and alone.has_base(state):
+        if alone is not None and (carried := Carried.of(state)) is not None:
             try:
-                ahead = alone.solve(state, dt) if state.lazy_bodies else None
+                ahead = alone.solve(state, carried, dt) if state.lazy_bodies else None
             except ConvergenceError:
                 if halvings < MOST_HALVINGS and not self.equilibrium.reaches_open_points(state):
                     return None
                 ahead = None
             if ahead is not None:
                 return ahead
-            alone.drop_base(state)  # the full system decides whether there is an equilibrium
+            alone.end(state)  # the full system decides whether there is an equilibrium
         try:
             return self.equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
         except ConvergenceError as error:
@@ -172,7 +172,7 @@ class QuasiStaticMotion(SlowMotion):
             return
         self.take(state, solution)
         if alone is not None and state.lazy_bodies:
-            alone.set_base(state)
+            alone.begin(state)
 
     def _require_resolved(self, state: State, solution: Solution) -> None:
         """Refuse a step in which mechanisms jump; collective.
