@@ -146,7 +146,7 @@ def test_an_iteration_that_has_reached_rounding_has_converged(monkeypatch: pytes
 
     def observed(solver: condensed.Condensed, step: Any, *rest: Any, **options: Any) -> Any:
         found = balance(solver, step, *rest, **options)
-        ends.append((found is not None, solver.history[-1] / rest[3], solver.iterations / solver.outer))
+        ends.append((found is not None, solver.history[-1] / rest[0].enough, solver.iterations / solver.outer))
         return found
 
     monkeypatch.setattr(condensed.Condensed, "balance", observed)
