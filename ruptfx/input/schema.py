@@ -471,8 +471,8 @@ class Alternative(Part):
 
 def _written(cls: type[Part]) -> set[str]:
     """Return the names in the body of a class and of classes without a kind that it mixes in; flags that are set."""
-    bodies = [base for base in cls.__mro__ if base is cls or not issubclass(base, Part)]
-    return {name for base in bodies for name, value in vars(base).items() if value is not False}
+    mixed_in = [each for base in cls.__bases__ if not issubclass(base, Part) for each in base.__mro__]
+    return {name for body in (cls, *mixed_in) for name, value in vars(body).items() if value is not False}
 
 
 plugged: ContextVar[Mapping[str, Mapping[str, type]]] = ContextVar("plugged", default={})  # noqa: B039

@@ -35,6 +35,7 @@ from ruptfx.interfaces.cracks.rigid import RigidCracks
 from ruptfx.interfaces.cracks.step import CrackStep
 from ruptfx.interfaces.faults.fault import Fault, in_steps
 from ruptfx.interfaces.faults.interface import Interface, build_interface
+from ruptfx.interfaces.faults.nearest import nearest_on_line, nearest_on_surface
 from ruptfx.interfaces.mechanisms import mechanisms_of
 from ruptfx.interfaces.mechanisms.system import System, Viscosity
 from ruptfx.interfaces.sliding.interface import build_sliding
@@ -348,8 +349,8 @@ class Model(System):
             raise CaseError(f"{key}: give x, y and z of a point of a surface, x and y of one on a line")
         try:
             if place.z is not None:
-                return face.nearest_of_surface(self.comm, np.array([place.x, place.y, place.z]))
-            return face.nearest(self.comm, np.array([place.x, place.y]))[0]
+                return nearest_on_surface(face, self.comm, np.array([place.x, place.y, place.z]))
+            return nearest_on_line(face, self.comm, np.array([place.x, place.y]))[0]
         except RuptfxError as error:
             raise CaseError(f"{key} = {error}") from None
 

@@ -38,6 +38,7 @@ from ruptfx.bodies.spectrum import highest_frequency
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.interface import build_interface
+from ruptfx.interfaces.faults.nearest import nearest_on_line
 from ruptfx.interfaces.faults.projection import ProjectionError
 from ruptfx.platform import fem, launch, parallel
 from ruptfx.results.record import Record
@@ -129,7 +130,7 @@ def test_weights_and_places_agree(built: Any) -> None:
     if face.points.shape[1] == 2:
         owned = parallel.share_rows(COMM, np.column_stack([face.position, face.points])[face.owned])
         position, *point = owned[len(owned) // 3]
-        assert face.nearest(COMM, np.array(point))[0] == pytest.approx(position, abs=1e-12)
+        assert nearest_on_line(face, COMM, np.array(point))[0] == pytest.approx(position, abs=1e-12)
     for row in everything:
         same = everything[everything[:, 0] == row[0]]
         np.testing.assert_allclose(same, np.broadcast_to(same[0], same.shape), rtol=1e-12, atol=1e-12)

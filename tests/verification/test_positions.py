@@ -21,6 +21,7 @@ from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.interface import Interface, build_interface
+from ruptfx.interfaces.faults.nearest import nearest_on_line
 from ruptfx.platform import fem
 from ruptfx.results.plots._record import along
 from ruptfx.run.model import Model
@@ -79,13 +80,13 @@ def test_nearest_point_of_a_wavy_interface() -> None:
     # 0.05 mm off across the line.
     a, b = np.array([0.0, 0.0]), np.array([1e-3, 4e-4 * np.sin(np.pi / 3)])
     across = np.array([-(b - a)[1], (b - a)[0]]) / np.linalg.norm(b - a)
-    position, foot = face.nearest(fem.MPI.COMM_WORLD, 0.5 * (a + b) + 5e-5 * across)
+    position, foot = nearest_on_line(face, fem.MPI.COMM_WORLD, 0.5 * (a + b) + 5e-5 * across)
     np.testing.assert_allclose(foot, 0.5 * (a + b), atol=1e-12)
     assert position == pytest.approx(0.5 * np.linalg.norm(b - a), rel=1e-9)
     with pytest.raises(RuptfxError, match=facts(
         r"\(0.006, 0.001\) m is .* m from the interface, at most 0.00012 m .* \(0\.00[0-9]+, [-0-9.e]+\) m"
     )):
-        face.nearest(fem.MPI.COMM_WORLD, np.array([6e-3, 1e-3]))
+        nearest_on_line(face, fem.MPI.COMM_WORLD, np.array([6e-3, 1e-3]))
 
 
 def test_a_patch_is_where_its_x_says(tmp_path: Any) -> None:

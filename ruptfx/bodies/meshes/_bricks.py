@@ -124,27 +124,12 @@ class Bricks:
         i, j, k = self._places(vertices)
         z = self.z[k]
         y = self.y[j] - self.slope * z
-        return np.stack([self.x[i], y if self.height is None else y + self._shift(i, j, k), z], axis=1)
+        return np.stack([self.x[i], y if self.height is None else y + _shift(self, self.height, i, j, k), z], axis=1)
 
     @property
     def reference_normals(self) -> dict[str, np.ndarray]:
         """Normal of the plane of a rough fault; none of a plane one."""
         return {} if self.height is None else {"main": np.array([0.0, 1.0, self.slope])}
-
-    def _shift(self, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> np.ndarray:
-        """Return how far along y vertices follow a rough fault [m]: less and less towards the sides of the box."""
-        (left, right), (low, high) = self.along, self.down
-        x, z, y = self.x[i], self.z[k], self.y[j] - self.y[self.plane]
-        on_fault = np.clip(x, self.x[left], self.x[right]), np.clip(z, self.z[low], self.z[high])
-        down = (self.z[high] - on_fault[1]) * np.hypot(1.0, self.slope)
-        share = _fading(np.abs(y) / np.where(y < 0, -self.y[0], self.y[-1]))
-        for beyond, first, last in (
-            (x - on_fault[0], self.x[0] - self.x[left], self.x[-1] - self.x[right]),
-            (z - on_fault[1], self.z[0] - self.z[low], self.z[-1] - self.z[high]),
-        ):
-            room = np.where(beyond < 0, -first, last)
-            share = share * _fading(np.abs(beyond) / np.where(room > 0, room, 1.0))
-        return evaluate(self.height, np.stack([on_fault[0], down], axis=1)) * share
 
     def body_of_cells(self, cells: np.ndarray) -> np.ndarray:
         """Return the body index of cells or facets, given by their vertices: 0 on the plus side."""
@@ -180,7 +165,7 @@ class Bricks:
         return found
 
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
-        """Return vertices of the cells of one of several parts, shape (cells, 8).
+        """Return vertices of the cells of one of several parts in tensor order, shape (cells, 8).
 
         Parts are slabs of whole columns, and so contain both sides of the fault.
 
@@ -195,10 +180,7 @@ class Bricks:
         """
         shift = max(1, self.columns // (2 * parts)) if wrapped else 0
         slab = (np.arange(self.columns) + shift) % self.columns * parts // self.columns
-        return self._cells(np.flatnonzero(slab == part))
-
-    def _cells(self, columns: np.ndarray) -> np.ndarray:
-        """Return vertices of all cells of some columns in tensor order, shape (cells, 8)."""
+        columns = np.flatnonzero(slab == part)
         i, j, k = (each.ravel() for each in np.meshgrid(columns, *(np.arange(n) for n in self._rows), indexing="ij"))
         (a, b), (c, d) = self._cut
         found = np.empty((len(i), 8), dtype=np.int64)
@@ -220,8 +202,10 @@ class Bricks:
         inside = (i.min(axis=1) >= self.along[0]) & (i.max(axis=1) <= self.along[1])
         inside &= (k.min(axis=1) >= self.down[0]) & (k.max(axis=1) <= self.down[1])
         number = {name: place for place, name in enumerate(self.sides)}
+        # In an order by column and row, the same for both sides.
+        ordered = np.lexsort([k[:, 0], i[:, 0]])
         plus, minus = (
-            self._in_order(facets[(side == number[f"main.{body}"]) & inside])
+            facets[ordered[((side == number[f"main.{body}"]) & inside)[ordered]]]
             for body in (self.bodies[0], self.bodies[-1])
         )
         return RawMesh(
@@ -232,7 +216,18 @@ class Bricks:
             reference_normals=self.reference_normals, mirror_planes=self.mirror_planes,
         )  # fmt: skip
 
-    def _in_order(self, facets: np.ndarray) -> np.ndarray:
-        """Return facets of one side in an order by column and row, the same for both sides."""
-        i, _, k = (part.reshape(facets.shape)[:, 0] for part in self._places(facets.ravel()))
-        return facets[np.lexsort([k, i])]
+
+def _shift(bricks: Bricks, height: object, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return how far along y vertices follow a rough fault [m]: less and less towards the sides of the box."""
+    (left, right), (low, high) = bricks.along, bricks.down
+    x, z, y = bricks.x[i], bricks.z[k], bricks.y[j] - bricks.y[bricks.plane]
+    on_fault = np.clip(x, bricks.x[left], bricks.x[right]), np.clip(z, bricks.z[low], bricks.z[high])
+    down = (bricks.z[high] - on_fault[1]) * np.hypot(1.0, bricks.slope)
+    share = _fading(np.abs(y) / np.where(y < 0, -bricks.y[0], bricks.y[-1]))
+    for beyond, first, last in (
+        (x - on_fault[0], bricks.x[0] - bricks.x[left], bricks.x[-1] - bricks.x[right]),
+        (z - on_fault[1], bricks.z[0] - bricks.z[low], bricks.z[-1] - bricks.z[high]),
+    ):
+        room = np.where(beyond < 0, -first, last)
+        share = share * _fading(np.abs(beyond) / np.where(room > 0, room, 1.0))
+    return evaluate(height, np.stack([on_fault[0], down], axis=1)) * share

@@ -32,6 +32,57 @@ class _Memory(ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in ("size", "inverse", "state", "parameter")]
 
 
+class CellPoints:
+    """Geometry of the points with a state in some cells.
+
+    Parameters
+    ----------
+    space : FunctionSpace
+    cells : ndarray of int, shape (n,)
+        Local cells.
+    count : int
+        Points of a cell: its nodes, or one.
+    permutation : ndarray of int
+        Order of the nodes of the kernel.
+    """
+
+    def __init__(self, space: Any, cells: np.ndarray, count: int, permutation: np.ndarray) -> None:
+        self._space, self._cells, self.count, self._permutation = space, cells, count, permutation
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """Derivatives of the shape functions along the axes of the reference cell, shape (dim, points, nodes)."""
+        return np.asarray(self._space.element.basix_element.tabulate(1, self.positions))[1:, :, self._permutation, 0]
+
+    @cached_property
+    def positions(self) -> np.ndarray:
+        """Points with a state in the reference cell, shape (points, dim)."""
+        points = np.asarray(self._space.element.basix_element.points)[self._permutation]
+        return points if self.count > 1 else points.mean(axis=0, keepdims=True)
+
+    @cached_property
+    def _jacobian(self) -> np.ndarray:
+        """dx_a / dxi_d at all points of the cells, shape (cells, points, d, a) [m]."""
+        return jacobian_at(self._space.mesh, self._cells, self.positions)
+
+    @cached_property
+    def inverse_jacobian(self) -> np.ndarray:
+        """dxi_d / dx_a at all points of the cells, shape (cells, points, a, d) [1/m]."""
+        return np.linalg.inv(self._jacobian)
+
+    @cached_property
+    def volumes(self) -> np.ndarray:
+        """Weights of the points, shape (cells, points) [m2 or m3]."""
+        dim, weights = self.positions.shape[1], np.ones(1)
+        if self.count > 1:
+            of_axis = gauss_lobatto_legendre(self._space.element.basix_element.degree)[1]
+            for _ in range(dim):
+                weights = np.multiply.outer(weights, of_axis).ravel()
+        else:
+            weights = weights / (2, 6)[dim - 2]
+        return np.asarray(weights * np.abs(np.linalg.det(self._jacobian)))
+
+
 class MemorySweep(MatrixFree):
     """Forces, stresses and energies of the elements of one material with memory.
 
@@ -102,6 +153,7 @@ class MemorySweep(MatrixFree):
         self._where = np.nonzero(~padding)
         self.cells = batches[self._where]
         self._nodes_of = space.dofmap.list[:, permutation][self.cells]
+        self._geometry = CellPoints(space, self.cells, self.points, permutation)
 
     def begin(self) -> np.ndarray:
         """Return the initial state of all points, in the layout of the sweep."""
@@ -170,7 +222,7 @@ class MemorySweep(MatrixFree):
         turned = np.swapaxes(moduli, -2, -1)
         if np.abs(moduli - turned).max() <= ROUNDING * np.abs(moduli).max():
             moduli = 0.5 * (moduli + turned)
-        return np.asarray(moduli * self._volumes[:, :, None, None])
+        return np.asarray(moduli * self._geometry.volumes[:, :, None, None])
 
     def inelastic_stress(self, displacement: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Return the present inelastic stress at the points of some cells [Pa], shape (rows, points, parts).
@@ -241,7 +293,7 @@ class MemorySweep(MatrixFree):
         -------
         ndarray, shape (k, points, parts, nodes * components)
         """
-        gradient = np.einsum("cqad,dqk->cqka", self._inverse_jacobian[part], self._slopes)
+        gradient = np.einsum("cqad,dqk->cqka", self._geometry.inverse_jacobian[part], self._geometry.slopes)
         c = self._components
         maps = np.zeros((*gradient.shape[:2], len(self.law.components), gradient.shape[2], c))
         for place, name in enumerate(self.law.components):
@@ -252,39 +304,6 @@ class MemorySweep(MatrixFree):
             maps[:, :, place, :, a] += 0.5 * gradient[..., b]
             maps[:, :, place, :, b] += 0.5 * gradient[..., a]
         return maps.reshape(*maps.shape[:3], -1)
-
-    @cached_property
-    def _slopes(self) -> np.ndarray:
-        """Derivatives of the shape functions along the axes of the reference cell, shape (dim, points, nodes)."""
-        return np.asarray(self._space.element.basix_element.tabulate(1, self._points))[1:, :, self._permutation, 0]
-
-    @cached_property
-    def _points(self) -> np.ndarray:
-        """Points with a state in the reference cell, shape (points, dim)."""
-        points = np.asarray(self._space.element.basix_element.points)[self._permutation]
-        return points if self.points > 1 else points.mean(axis=0, keepdims=True)
-
-    @cached_property
-    def _jacobian(self) -> np.ndarray:
-        """dx_a / dxi_d at all points of the cells, shape (cells, points, d, a) [m]."""
-        return jacobian_at(self._space.mesh, self.cells, self._points)
-
-    @cached_property
-    def _inverse_jacobian(self) -> np.ndarray:
-        """dxi_d / dx_a at all points of the cells, shape (cells, points, a, d) [1/m]."""
-        return np.linalg.inv(self._jacobian)
-
-    @cached_property
-    def _volumes(self) -> np.ndarray:
-        """Weights of the points, shape (cells, points) [m2 or m3]."""
-        dim, weights = self._points.shape[1], np.ones(1)
-        if self.points > 1:
-            of_axis = gauss_lobatto_legendre(self._space.element.basix_element.degree)[1]
-            for _ in range(dim):
-                weights = np.multiply.outer(weights, of_axis).ravel()
-        else:
-            weights = weights / (2, 6)[dim - 2]
-        return np.asarray(weights * np.abs(np.linalg.det(self._jacobian)))
 
     def stored(self, displacement: np.ndarray, state: np.ndarray) -> float:
         """Return the stored energy of the cells owned by this rank [J]."""

@@ -241,11 +241,11 @@ class CollisionStep:
     def find(self, state: State) -> None:
         """Search close pairs at the displacement, before facets and pairs exert forces; collective."""
         self._prepare(state)
-        (x,) = self._corners(self._places(state.displacement))
+        (x,) = self._corners(self._x.ravel() + state.displacement)
         if state.step % EVERY == 0 and self._replace_failed(state):
             known = self._numbers()
             self._surface = self._find_surface(state)
-            (x,) = self._corners(self._places(state.displacement))
+            (x,) = self._corners(self._x.ravel() + state.displacement)
             self._find_pairs(state, x)
             # New pairs that overlap are free of forces at this overlap.
             assert self._pairs is not None
@@ -314,7 +314,7 @@ class CollisionStep:
             return
         self._cracks.release(state.cracks[FIELD] == HANDED)
         self._surface, self._made = self._find_surface(state), state
-        self._find_pairs(state, *self._corners(self._places(state.displacement)))
+        self._find_pairs(state, *self._corners(self._x.ravel() + state.displacement))
 
     def _replace_failed(self, state: State) -> bool:
         """Return whether facets have failed or been replaced since the last search, on any rank; collective."""
@@ -452,10 +452,6 @@ class CollisionStep:
             rows = np.empty((sum(surface.counts), width))
             self.comm.Allgatherv(mine, (rows, [width * count for count in surface.counts]))
         return [np.ascontiguousarray(part) for part in np.split(rows[surface.order], len(fields), axis=1)]
-
-    def _places(self, displacement: np.ndarray) -> np.ndarray:
-        """Return the present coordinates of nodes, shape (nodes * 2,) [m]."""
-        return self._x.ravel() + displacement
 
     def _mine(self, rows: np.ndarray) -> np.ndarray:
         """Return the rows of the cells of this rank, in its own order."""

@@ -76,7 +76,65 @@ class Group:
     rated: bool = False
 
 
-class CrackStep:
+class FacetFrames:
+    """Present position and directions of facets, which rotate with the bodies, and forces at their ends.
+
+    Attributes
+    ----------
+    corners : ndarray of int, shape (facets, 2, 2)
+        Local nodes of both sides and both ends.
+    normal : ndarray, shape (facets, 2)
+        Unit normal in the mesh.
+    along : ndarray, shape (facets,)
+        Length in the mesh [m], with the sign of its sense along the tangent.
+    weight : ndarray, shape (facets,)
+        Length that an end stands for [m].
+    """
+
+    large_rotations: bool
+    corners: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
+    weight: np.ndarray
+    _owned_nodes: int
+
+    def _turned(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return present tangents of the facets, the mean of both sides, and their signed lengths."""
+        mean = displacement.reshape(-1, 2)[self.corners].mean(axis=1)
+        sense = np.sign(self.along)
+        along = self.along[:, None] * self.tangent + mean[:, 1] - mean[:, 0]
+        length = np.hypot(along[:, 0], along[:, 1])
+        return (sense / length)[:, None] * along, sense * length
+
+    def _frame(self, displacement: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        if displacement is None or not self.large_rotations:
+            return self.normal, self.tangent
+        tangent = self._turned(displacement)[0]
+        return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1), tangent
+
+    def _moment(self, state: FaultState, displacement: np.ndarray) -> np.ndarray:
+        """Return the work of tractions per rotation of the frame of the jumps, shape (facets,) [N]."""
+        normal, tangent = self._frame(displacement)
+        rows = displacement.reshape(-1, 2)
+        jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
+        opened, slipped = (np.einsum("fec,fc->fe", jump, axis) for axis in (normal, tangent))
+        turning = state["shear_traction"] * opened - state["normal_traction"] * slipped
+        return np.asarray(self.weight * turning.sum(axis=1))
+
+    @property
+    def tangent(self) -> np.ndarray:
+        return np.stack([self.normal[:, 1], -self.normal[:, 0]], axis=1)
+
+    def _assemble(self, minus: np.ndarray, plus: np.ndarray, total: np.ndarray) -> None:
+        """Add forces at the ends of both sides, shape (facets, 2 ends, 2), at the nodes this rank owns."""
+        rows = total.reshape(-1, 2)
+        added = np.zeros_like(rows)
+        np.add.at(added, self.corners[:, 0], minus)
+        np.add.at(added, self.corners[:, 1], plus)
+        rows[: self._owned_nodes] += added[: self._owned_nodes]
+
+
+class CrackStep(FacetFrames):
     """All facets of a model: springs, laws, state, forces.
 
     Parameters
@@ -385,41 +443,6 @@ class CrackStep:
         jump = (rows[self.corners[:, 1]] - rows[self.corners[:, 0]]).sum(axis=1)
         initial = self.initial[:, :1] * self.normal + self.initial[:, 1:] * self.tangent
         return float((self.owned * self.weight) @ np.sum(initial * jump, axis=1))
-
-    def _turned(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return present tangents of the facets, the mean of both sides, and their signed lengths."""
-        mean = displacement.reshape(-1, 2)[self.corners].mean(axis=1)
-        sense = np.sign(self.along)
-        along = self.along[:, None] * self.tangent + mean[:, 1] - mean[:, 0]
-        length = np.hypot(along[:, 0], along[:, 1])
-        return (sense / length)[:, None] * along, sense * length
-
-    def _frame(self, displacement: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        if displacement is None or not self.large_rotations:
-            return self.normal, self.tangent
-        tangent = self._turned(displacement)[0]
-        return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1), tangent
-
-    def _moment(self, state: FaultState, displacement: np.ndarray) -> np.ndarray:
-        """Return the work of tractions per rotation of the frame of the jumps, shape (facets,) [N]."""
-        normal, tangent = self._frame(displacement)
-        rows = displacement.reshape(-1, 2)
-        jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
-        opened, slipped = (np.einsum("fec,fc->fe", jump, axis) for axis in (normal, tangent))
-        turning = state["shear_traction"] * opened - state["normal_traction"] * slipped
-        return np.asarray(self.weight * turning.sum(axis=1))
-
-    @property
-    def tangent(self) -> np.ndarray:
-        return np.stack([self.normal[:, 1], -self.normal[:, 0]], axis=1)
-
-    def _assemble(self, minus: np.ndarray, plus: np.ndarray, total: np.ndarray) -> None:
-        """Add forces at the ends of both sides, shape (facets, 2 ends, 2), at the nodes this rank owns."""
-        rows = total.reshape(-1, 2)
-        added = np.zeros_like(rows)
-        np.add.at(added, self.corners[:, 0], minus)
-        np.add.at(added, self.corners[:, 1], plus)
-        rows[: self._owned_nodes] += added[: self._owned_nodes]
 
     def stored(self, state: FaultState, added: np.ndarray, displacement: np.ndarray | None = None) -> float:
         """Return the energy of springs and open secants, and later work of tractions; facets of this rank [J].

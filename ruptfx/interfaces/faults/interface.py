@@ -27,7 +27,6 @@ FLAT = 1e-6  # largest deviation from a plane, and of a direction from x, for po
 HORIZONTAL = 0.05  # largest horizontal part of the unit normal of a surface without dip: 3 degrees
 CLOSED = 1e-9  # length of the mean of unit normals below which a surface is closed and has no mean direction
 ALIGNED = 0.99  # cosine between a normal and the tangent of the mean normal above which the other tangent replaces it
-FARTHEST = 0.01  # of its extent: largest distance from the interface of a point that defines a position
 
 
 @dataclass(frozen=True)
@@ -237,62 +236,6 @@ class Interface:
         if not self.has_normal:
             return np.zeros(len(local)), local
         return local[:, 0], local[:, 1:]
-
-    def nearest(self, comm: fem.MPI.Comm, point: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return position [m] and coordinates of the nearest point of a 2D interface; collective.
-
-        Parameters
-        ----------
-        comm : MPI communicator
-        point : ndarray, shape (2,)
-
-        Raises
-        ------
-        RuptfxError
-            On all ranks, if it is farther than a hundredth of the extent of the interface.
-        """
-        rows = np.column_stack([self.number, self.position, self.points])[self.owned]
-        rows = parallel.share_rows(comm, rows)
-        _, position, *xy = rows[np.argsort(rows[:, 0])].T
-        corners = np.stack(xy, axis=1)
-        begin, side = corners[:-1], np.diff(corners, axis=0)
-        part = np.clip(np.sum((point - begin) * side, axis=1) / np.sum(side**2, axis=1), 0, 1)
-        feet = begin + part[:, None] * side
-        away = np.linalg.norm(point - feet, axis=1)
-        best, most = int(np.argmin(away)), FARTHEST * np.ptp(corners, axis=0).max()
-        if away[best] > most:
-            raise RuptfxError(
-                f"({point[0]:.6g}, {point[1]:.6g}) m is {away[best]:.4g} m from the interface, at most {most:.4g} m "
-                f"(a hundredth of its extent) are taken; its nearest point is ({feet[best, 0]:.12g}, "
-                f"{feet[best, 1]:.12g}) m"
-            )
-        return float(position[best] + part[best] * (position[best + 1] - position[best])), feet[best]
-
-
-    def nearest_of_surface(self, comm: fem.MPI.Comm, point: np.ndarray) -> np.ndarray:
-        """Return both positions [m] of a point near a surface, shape (2,); collective.
-
-        They are those of the nearest node plus the distances from it along the tangents there, exact on a plane.
-
-        Raises
-        ------
-        RuptfxError
-            On all ranks, if the point is farther than a hundredth of the extent from the surface, or beyond its rim.
-        """
-        frame = self.frame.reshape(-1, 9)
-        rows = np.column_stack([self.number, self.locations, self.points, frame])[self.owned]
-        rows = parallel.share_rows(comm, rows)
-        rows = rows[np.argsort(rows[:, 0])]
-        points = rows[:, 3:6]
-        best = int(np.argmin(np.linalg.norm(points - point, axis=1)))
-        normal, *tangents = rows[best, 6:].reshape(3, 3)
-        away, most = abs(float((point - points[best]) @ normal)), FARTHEST * np.ptp(points, axis=0).max()
-        found = rows[best, 1:3] + np.stack(tangents) @ (point - points[best])
-        low, high = rows[:, 1:3].min(axis=0) - most, rows[:, 1:3].max(axis=0) + most
-        if away > most or np.any(found < low) or np.any(found > high):
-            here, there = (", ".join(f"{value:.12g}" for value in each) for each in (point, points[best]))
-            raise RuptfxError(f"({here}) m is not on the interface, whose nearest node is ({there}) m")
-        return np.asarray(found)
 
 
 def build_interface(nodes: Nodes, name: str) -> Interface:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, cast, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
@@ -74,7 +74,106 @@ class PointError(ValueError):
         self.index = index
 
 
-class Material(Alternative):
+class Waves:
+    """Speeds and impedances of small waves in a material, from the second derivative of its energy."""
+
+    if TYPE_CHECKING:
+        density: Any
+        offers: ClassVar[frozenset[str]]
+
+        @classmethod
+        def kind(cls) -> str: ...
+
+    def wave_speeds(self, plane: Plane) -> WaveSpeeds:
+        """Return the speeds of small waves about the initial state, along x at surfaces with the normal y [m/s].
+
+        Raises
+        ------
+        RuptfxError
+            A stiffness that does not follow from the energy alone, or that is not positive.
+        """
+        return self._wave_speeds_in(np.eye(3 if plane == "solid" else 2), plane)
+
+    def wave_speeds_along(self, frame: np.ndarray, plane: Plane) -> WaveSpeeds:
+        """Return the speeds of small waves along an interface [m/s].
+
+        Of a material that computes `wave_speeds` itself these are the same in all directions.
+
+        Parameters
+        ----------
+        frame : ndarray, shape (dim, dim)
+            Unit vectors: the direction along the interface, its normal, and in 3D the one across both.
+        plane : str
+        """
+        if "wave speeds" in self.offers:  # of isotropic bodies, and of plug-ins
+            return self.wave_speeds(plane)
+        return self._wave_speeds_in(frame, plane)
+
+    def _wave_speeds_in(self, frame: np.ndarray, plane: Plane) -> WaveSpeeds:
+        """Return fastest and slowest plane wave along the first direction, and the wave along the free surface.
+
+        Computed from the second derivative of the energy.
+        """
+        speeds = np.linalg.eigvalsh(self.impedance(frame[0], plane)) / self.density
+        if plane == "antiplane":
+            return WaveSpeeds(*np.repeat(speeds, 3).tolist())
+        surface = surface_wave_speed(in_frame(tangent_stiffness(cast("Material", self), plane), frame), self.density)
+        return WaveSpeeds(float(speeds[-1]), float(speeds[0]), surface)
+
+    def mach_free_speed(self, plane: Plane, frame: np.ndarray | None = None) -> float:
+        """Return the speed of a shear rupture along x behind which no shear Mach front travels [m/s].
+
+        A plane wave (1, -m) f(x + m y - v t) has no shear stress on y = 0. It is a wave of the body at rho v^2 =
+        (C_11 C_22 - C_12^2) / (C_12 + C_22), with m^2 = (C_12 + rho v^2) / C_22: sqrt(2) c_s if the body is isotropic.
+        NaN in antiplane, where x and y are no axes of symmetry, and without a stiffness. With a frame, as in
+        `wave_speeds_along`, x and y are its first two directions.
+        Source: Coker and Rosakis (2001), Phil. Mag. A 81, 571.
+        """
+        if plane == "antiplane":
+            return np.nan
+        try:
+            C = tangent_stiffness(cast("Material", self), plane)
+        except RuptfxError:  # of a plug-in that has wave speeds of its own
+            return np.nan
+        C = C if frame is None else in_frame(C, frame)
+        if max(abs(C[0, 0, 0, 1]), abs(C[1, 1, 0, 1])) > 1e-9 * C[0, 0, 0, 0]:
+            return np.nan
+        modulus = (C[0, 0, 0, 0] * C[1, 1, 1, 1] - C[0, 0, 1, 1] ** 2) / (C[0, 0, 1, 1] + C[1, 1, 1, 1])
+        return float(np.sqrt(modulus / self.density))
+
+    def impedance(self, normal: np.ndarray, plane: Plane) -> np.ndarray:
+        """Return the traction per velocity of plane waves that travel along a direction [Pa s/m].
+
+        Z = sum_k rho c_k p_k p_k', with rho c_k^2 and p_k the eigenvalues and vectors of the Christoffel tensor
+        n_j C_ijkl n_l: an absorbing boundary needs the traction Z times the velocity. Computed from the
+        second derivative of the energy; isotropic, Z = rho c_p n n' + rho c_s (1 - n n').
+        Source: Auld (1973), Acoustic fields and waves in solids.
+
+        Parameters
+        ----------
+        normal : ndarray, shape (..., d)
+            Unit vectors.
+        plane : str
+
+        Returns
+        -------
+        ndarray, shape (..., components, components)
+
+        Raises
+        ------
+        RuptfxError
+            A stiffness that does not follow from the energy alone, or that is not positive.
+        """
+        modulus, direction = np.linalg.eigh(christoffel(tangent_stiffness(cast("Material", self), plane), normal))
+        if np.any(modulus <= 0):
+            raise RuptfxError(
+                f"material '{self.kind()}': some plane waves have a modulus of {modulus.min():.4g} Pa, which must be "
+                "positive; change its elastic constants"
+            )
+        return np.einsum("...ik,...k,...jk->...ij", direction, np.sqrt(self.density * modulus), direction)
+
+
+class Material(Waves, Alternative):
     """Contract of a material.
 
     `energy_density` is the elastic energy. A material with memory also has `stress`, `state_fields` and `stored`: its
@@ -285,94 +384,6 @@ class Material(Alternative):
     def stiffened(self, plane: Plane, compliance: Callable[[float], float]) -> Material:
         """Return the material less compliant by the compliance of springs; arguments as of `spring_share`."""
         raise NotImplementedError
-
-    def wave_speeds(self, plane: Plane) -> WaveSpeeds:
-        """Return the speeds of small waves about the initial state, along x at surfaces with the normal y [m/s].
-
-        Raises
-        ------
-        RuptfxError
-            A stiffness that does not follow from the energy alone, or that is not positive.
-        """
-        return self._wave_speeds_in(np.eye(3 if plane == "solid" else 2), plane)
-
-    def wave_speeds_along(self, frame: np.ndarray, plane: Plane) -> WaveSpeeds:
-        """Return the speeds of small waves along an interface [m/s].
-
-        Of a material that computes `wave_speeds` itself these are the same in all directions.
-
-        Parameters
-        ----------
-        frame : ndarray, shape (dim, dim)
-            Unit vectors: the direction along the interface, its normal, and in 3D the one across both.
-        plane : str
-        """
-        if "wave speeds" in self.offers:  # of isotropic bodies, and of plug-ins
-            return self.wave_speeds(plane)
-        return self._wave_speeds_in(frame, plane)
-
-    def _wave_speeds_in(self, frame: np.ndarray, plane: Plane) -> WaveSpeeds:
-        """Return fastest and slowest plane wave along the first direction, and the wave along the free surface.
-
-        Computed from the second derivative of the energy.
-        """
-        speeds = np.linalg.eigvalsh(self.impedance(frame[0], plane)) / self.density
-        if plane == "antiplane":
-            return WaveSpeeds(*np.repeat(speeds, 3).tolist())
-        surface = surface_wave_speed(in_frame(tangent_stiffness(self, plane), frame), self.density)
-        return WaveSpeeds(float(speeds[-1]), float(speeds[0]), surface)
-
-    def mach_free_speed(self, plane: Plane, frame: np.ndarray | None = None) -> float:
-        """Return the speed of a shear rupture along x behind which no shear Mach front travels [m/s].
-
-        A plane wave (1, -m) f(x + m y - v t) has no shear stress on y = 0. It is a wave of the body at rho v^2 =
-        (C_11 C_22 - C_12^2) / (C_12 + C_22), with m^2 = (C_12 + rho v^2) / C_22: sqrt(2) c_s if the body is isotropic.
-        NaN in antiplane, where x and y are no axes of symmetry, and without a stiffness. With a frame, as in
-        `wave_speeds_along`, x and y are its first two directions.
-        Source: Coker and Rosakis (2001), Phil. Mag. A 81, 571.
-        """
-        if plane == "antiplane":
-            return np.nan
-        try:
-            C = tangent_stiffness(self, plane)
-        except RuptfxError:  # of a plug-in that has wave speeds of its own
-            return np.nan
-        C = C if frame is None else in_frame(C, frame)
-        if max(abs(C[0, 0, 0, 1]), abs(C[1, 1, 0, 1])) > 1e-9 * C[0, 0, 0, 0]:
-            return np.nan
-        modulus = (C[0, 0, 0, 0] * C[1, 1, 1, 1] - C[0, 0, 1, 1] ** 2) / (C[0, 0, 1, 1] + C[1, 1, 1, 1])
-        return float(np.sqrt(modulus / self.density))
-
-    def impedance(self, normal: np.ndarray, plane: Plane) -> np.ndarray:
-        """Return the traction per velocity of plane waves that travel along a direction [Pa s/m].
-
-        Z = sum_k rho c_k p_k p_k', with rho c_k^2 and p_k the eigenvalues and vectors of the Christoffel tensor
-        n_j C_ijkl n_l: an absorbing boundary needs the traction Z times the velocity. Computed from the
-        second derivative of the energy; isotropic, Z = rho c_p n n' + rho c_s (1 - n n').
-        Source: Auld (1973), Acoustic fields and waves in solids.
-
-        Parameters
-        ----------
-        normal : ndarray, shape (..., d)
-            Unit vectors.
-        plane : str
-
-        Returns
-        -------
-        ndarray, shape (..., components, components)
-
-        Raises
-        ------
-        RuptfxError
-            A stiffness that does not follow from the energy alone, or that is not positive.
-        """
-        modulus, direction = np.linalg.eigh(christoffel(tangent_stiffness(self, plane), normal))
-        if np.any(modulus <= 0):
-            raise RuptfxError(
-                f"material '{self.kind()}': some plane waves have a modulus of {modulus.min():.4g} Pa, which must be "
-                "positive; change its elastic constants"
-            )
-        return np.einsum("...ik,...k,...jk->...ij", direction, np.sqrt(self.density * modulus), direction)
 
 
 def _bounds(cls: type[Material], name: str) -> Iterator[Bound]:

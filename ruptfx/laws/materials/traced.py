@@ -37,6 +37,12 @@ OF_PLANE = {"stress": IN_PLANE, "strain": IN_PLANE, "antiplane": ("xz", "yz"), "
 """Components of strain and stress of each plane, in the order of recorded stresses."""
 
 
+def _tensor(strain: Mapping[str, Expression], across: Expression | None) -> Tensor:
+    """Return the strain in three dimensions, with that across the plane."""
+    of_plane = {name: strain.get(name, constant(0)) for name in COMPONENTS}
+    return Tensor(**(of_plane | ({} if across is None else {"zz": across})))
+
+
 class TracedMaterial:
     """The formulas of a material with memory at the points of one plane.
 
@@ -111,20 +117,16 @@ class TracedMaterial:
             for name, field in self._material.state_fields().items()
         }
 
-    def _tensor(self, across: Expression | None) -> Tensor:
-        of_plane = {name: self._strain.get(name, constant(0)) for name in COMPONENTS}
-        return Tensor(**(of_plane | ({} if across is None else {"zz": across})))
-
     def _trace(self, live: set[str]) -> tuple[dict[str, Expression], dict[str, Expression]]:
         """Return the stress and the new state of a point."""
         numbers = self._symbols(live)
         if self._plane != "stress":
-            return self._called(self._tensor(None), numbers)
+            return self._called(_tensor(self._strain, None), numbers)
         # Linear formulas: one step of Newton's method solves sigma_zz = 0 exactly.
         guess = symbol(f"s_{ACROSS}")
-        stress, _ = self._called(self._tensor(guess), numbers)
+        stress, _ = self._called(_tensor(self._strain, guess), numbers)
         across = guess - stress["zz"] / derivative(stress["zz"], guess)
-        stress, advanced = self._called(self._tensor(across), numbers)
+        stress, advanced = self._called(_tensor(self._strain, across), numbers)
         return stress, advanced | {ACROSS: across}
 
     def _called(
@@ -151,7 +153,7 @@ class TracedMaterial:
     def _energy(self, live: set[str]) -> Expression:
         numbers = self._symbols(live)
         across = symbol(f"s_{ACROSS}") if self._plane == "stress" else None
-        return record(self._material.stored, self._tensor(across), self._packed(numbers), as_=_expression)
+        return record(self._material.stored, _tensor(self._strain, across), self._packed(numbers), as_=_expression)
 
     def _recorded(self, live: set[str]) -> dict[str, Expression]:
         material, wanted = self._material, self._material.recorded_states()
