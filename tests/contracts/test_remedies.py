@@ -22,12 +22,15 @@ from typer.testing import CliRunner, Result
 
 from ruptfx import RuptfxError, Table
 from ruptfx.app.cli import app
+from ruptfx.app.commands.infer import remedies_of
 from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import set_key
 from ruptfx.many_runs.study import read_study
 
 pytest.importorskip("dolfinx")
 
+from ruptfx.app.checks.preflight import preflight
+from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.many_runs.adjoint.gradients import Objective
 from ruptfx.run import stages
 from ruptfx.run.cost import measured
@@ -36,6 +39,7 @@ from ruptfx.stepping.stopping import StopRules
 
 pytestmark = pytest.mark.fem
 
+VERDICTS = ["ok", "warning", "error"]
 Changes = dict[str, Any]
 """Values by dotted key, list entries by number; None removes the key."""
 
@@ -472,6 +476,66 @@ def test_remedies_are_accepted(name: str) -> None:
     table, says, fixes = WORDS[name]
     for changes in fixes(refused(table, says)):
         step(changed(table, changes))
+
+CHECKS: dict[str, tuple[Table, str, str, Callable[[re.Match[str]], list[Changes]]]] = {
+    "grid noise": (
+        slip_weakening({"order": 1}), "faults.main: damping", r"(\S+) = \{ (\w+) = ([\d.]+) \} takes",
+        lambda m: [{m[1]: {m[2]: number(m, 3)}}]),
+    "records of a front": (
+        slip_weakening({"faults.main.friction.D_c": 1e-6, "output.interface_interval": 5e-6}),
+        "faults.main: interval of records",
+        rf"in {N} s: .* reduce (\S+)$", lambda m: [{m[2]: number(m)}]),
+    "a lost exponent": (
+        flat(materials__default__young_modulus=5.3), "upper: young_modulus", r"less than 1000, .* exponent lost",
+        lambda m: [{"materials.default.young_modulus": 5.3e9}]),
+    "facets too long": (
+        block({"fracture.default.cohesion.G_Ic": 1e-3, "fracture.default.cohesion.G_IIc": 1e-3}),
+        "fracture rock-rock: process zone I", r"larger (\w+); .*: (\S+) = true",
+        lambda m: [{f"fracture.default.cohesion.{m[1]}": 1e3}, {m[2]: True}]),
+    "an edge that reflects": (
+        flat(duration=4e-5), "upper.top: echo", "make the body larger, or the edge (absorbing)",
+        lambda m: [{"mesh.height": 1.0}, {"boundaries": [{"kind": m[1], "edge": "upper.top"}]}]),
+    "a step that jumps over the law": (
+        slip_weakening({"order": 1, "faults.main.friction.D_c": 1e-9}), "faults.main: shortest time",
+        r"reduce (\S+) or (\S+)$", lambda m: [{m[2]: 1e-12, "duration": 1e-11}]),
+    "softening beyond the springs": (
+        slip_weakening({"order": 1, "faults.main.contact": COMPLIANT}), "faults.main: softening / stiffness",
+        "take a stiffer contact, (split_node), or a longer slip weakening",
+        lambda m: [{"faults.main.contact": {"kind": m[1]}}, {"faults.main.contact.C_s": 1e13},
+                   {"faults.main.friction.D_c": 5e-5}]),
+    "a filter that passes more": (
+        flat(instruments=[{**RECEIVER, "bandwidth": 1e7}]), "instruments.point: highest frequency",
+        r"reduce the (interval)",
+        lambda m: [{f"instruments.0.{m[1]}": 2e-8, "stepper": {"kind": "leapfrog", "time_step": 1e-8}}]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_what_check_proposes_removes_its_warning(name: str) -> None:
+    """A remark, an error that the case declares as meant, or a warning: it is gone or weaker with the remedy."""
+    table, quantity, says, fixes = CHECKS[name]
+
+    def row(given: Table) -> Row | None:
+        return next((row for row in preflight(parse_case(given, HERE)) if row.quantity == quantity), None)
+
+    first = row(table)
+    assert first is not None
+    found = re.search(says, first.note)
+    assert found is not None, first.note
+    for changes in fixes(found):
+        again = row(changed(table, changes))
+        assert again is None or VERDICTS.index(again.verdict) < VERDICTS.index(first.verdict), again
+
+
+@pytest.mark.parametrize("method, reason, ways", [
+    ("l_bfgs", "iterations are used up", ["raise inference.iterations", "start", "inference.method = 'cma_es'"]),
+    ("gauss_newton", "converged", ["start", "inference.method = 'cma_es'"]),
+    ("cma_es", "iterations are used up", ["raise inference.iterations", "start"]),
+])  # fmt: skip
+def test_a_search_does_not_propose_its_own_method(method: str, reason: str, ways: list[str]) -> None:
+    texts = remedies_of(method, reason).split(", or ")
+    assert len(texts) == len(ways) and all(way in text for way, text in zip(ways, texts, strict=True))
+
 
 # -- lumped models, studies and commands --------------------------------------------------------------------------
 

@@ -93,14 +93,20 @@ def infer(
             screen.print(table)
             if made.exceeds_noise:
                 errors.print(
-                    "The misfit is larger than noise explains, and the intervals do not hold: the search is in a local "
-                    "minimum or at a kink (start elsewhere, or use method = 'cma_es'), or sigma, law or mesh are "
+                    "The misfit is larger than noise explains, and the intervals do not hold: the search has not found "
+                    f"the minimum ({remedies_of(made.case.inference.method, made.reason)}), or sigma, law or mesh are "
                     "wrong.",
                     style="yellow", soft_wrap=True,
                 )  # fmt: skip
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
             files += ", tradeoffs.png" * (len(made.samples) > 1)
             screen.print(f"Files: {out} ({files})", soft_wrap=True)
+
+
+def remedies_of(method: str, reason: str) -> str:
+    """Return what to try where a search by a method, which ended for a reason, has not found the minimum."""
+    ways = ["raise inference.iterations"] * (reason == "iterations are used up") + ["start elsewhere"]
+    return ", or ".join(ways + ["use inference.method = 'cma_es'"] * (method in ("l_bfgs", "gauss_newton")))
 
 
 def _note(unknown: Recovered, bounds: list[float] | None) -> str:

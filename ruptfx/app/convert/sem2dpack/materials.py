@@ -49,10 +49,12 @@ def read(given: Input) -> dict[int, Medium]:
         kinds, tag = block.words("kind", "ELAST"), int(block.number("tag"))
         for kind in kinds:
             if kind not in (*BODIES, "KV"):
-                given.refuse(f"MATERIAL.{kind}", REFUSED.get(kind, "a material without counterpart"))
+                what = REFUSED.get(kind, "a material without counterpart")
+                given.refuse(f"MATERIAL.{kind}", f"{what}; write kind='ELAST' and &MAT_ELASTIC in its place")
         left_out = {kind for kind in kinds if kind == "KV" or f"material.{kind}".lower() in given.without}
         if left_out == set(kinds):
-            raise ConversionError(f"&MATERIAL tag = {tag}: is required; give ELAST in the place of {', '.join(kinds)}")
+            raise ConversionError(f"&MATERIAL tag = {tag}: is required; write kind='ELAST' and &MAT_ELASTIC in place "
+                                  f"of {', '.join(kinds)}")
         for kind in (each for each in kinds if each in BODIES):
             viscosity = _properties(given, block, "MAT_KV") if "KV" in kinds else None
             name, convert = BODIES[kind]

@@ -11,6 +11,7 @@ import numpy as np
 from ruptfx.bodies.boundaries.absorbing import Absorbing
 from ruptfx.bodies.boundaries.incident_wave import IncidentWave
 from ruptfx.bodies.space.closest import closest
+from ruptfx.input.quantities import at_most
 from ruptfx.input.schema import unit_of
 from ruptfx.interfaces.faults.sides import sides_of
 from ruptfx.interfaces.mechanisms.checks.table import Row
@@ -78,7 +79,7 @@ def slow_records(model: System, label: str, zone: float, c_R: float) -> Iterator
     if interval > passing and model.case.output.interface_steps is None:
         yield Doubt(
             f"{label}: interval of records", interval, "s",
-            f"the process zone passes a point in {passing:.3g} s: slip rates between records are missed; "
+            f"the process zone passes a point in {at_most(passing, 4)} s: slip rates between records are missed; "
             "reduce output.interface_interval",
         )  # fmt: skip
 
