@@ -62,6 +62,8 @@ def test_transition_is_interpolated_in_the_logarithm() -> None:
     # Half way between 10 and 1000 in the logarithm is 100.
     assert transition(np.array([1000.0, 10.0]), np.array([0.2, 0.1]), 0.15) == pytest.approx(100)
     assert np.isnan(transition(np.array([10.0, 1000.0]), np.array([0.2, 0.3]), 0.1))
+    # Of two crossings that of the smoother surfaces.
+    assert transition(np.array([1.0, 2.0, 4.0, 100.0]), np.array([0.1, 0.2, 0.1, 0.2]), 0.15) == pytest.approx(20)
 
 
 def test_roughness_and_alpha_invert_each_other() -> None:

@@ -105,6 +105,13 @@ def test_events_of_a_made_up_run() -> None:
     assert breaks.detached(0, np.array([0.099, 0.1, 0.1049, 0.1051])).tolist() == [0, 1, 1, 0]
 
 
+def test_a_block_detaches_once_when_half_of_its_contacts_have_broken() -> None:
+    """Five of ten contacts break, and the others after 1 ms; all are attached again when five break after 0.1 s."""
+    breaks = Breaks(np.array([0.1, 0.101, 0.2]), np.zeros(3, int), np.array([5, 5, 5]), 0.005, np.array([10]))
+    times, blocks = breaks.detachments()
+    assert times.tolist() == [0.1, 0.2] and blocks.tolist() == [0, 0]
+
+
 def test_the_precursor_figure_says_how_many_points_and_their_correlation() -> None:
     data = SpringBlock(blocks=20, contacts=20, interface_ratio=50, large_events=1, duration=0.5).run()
     assert not data.event_large.any()

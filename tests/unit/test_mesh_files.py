@@ -261,6 +261,24 @@ def test_bodies_that_coincide_to_nine_digits(tmp_path: Path) -> None:
         check_connections(raw, [])
 
 
+@pytest.mark.parametrize("kind, common", [("quadrilateral", 2), ("hexahedron", 4)])
+def test_cells_with_one_side_in_common_coincide(kind: str, common: int) -> None:
+    """One cell on another, each with nodes of its own; at one corner alone, or two in 3D, they only touch."""
+    from ruptfx.bodies.meshes import RawMesh
+    from ruptfx.bodies.space.connections import check_connections
+
+    cube = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)
+    cell = cube[:, [0, 2, 1]] if kind == "hexahedron" else cube[:4, :2]
+    for away, coincides in ((np.zeros(cell.shape[1]), True), (np.eye(cell.shape[1])[0], False)):
+        points = np.concatenate([cell, cell + np.eye(cell.shape[1])[1] + away])
+        raw = RawMesh(kind, points, np.arange(2 * len(cell)).reshape(2, -1), ["a", "b"], np.array([0, 1]))
+        if coincides:
+            with pytest.raises(RuptfxError, match=facts(rf"'a' and 'b' .* {common} nodes")):
+                check_connections(raw, [])
+        else:
+            check_connections(raw, [])
+
+
 @pytest.mark.parametrize("version", [4.0, 4.1])
 def test_what_gmsh_reads_in_part_is_refused(version: float, tmp_path: Path) -> None:
     path = write(tmp_path / "a.msh", MshFileVersion=version)
