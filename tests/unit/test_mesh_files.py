@@ -319,6 +319,20 @@ def test_names_that_are_not_in_utf_8(version: float, tmp_path: Path) -> None:
         build(path)
 
 
+def test_files_that_a_mesh_file_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A resumed run compares them, too: the arrays of XDMF, and the nodes of Abaqus in a file of their own."""
+    monkeypatch.chdir(tmp_path)
+    mesh = meshio.gmsh.read(write(tmp_path / "a.msh", MshFileVersion=2.2))
+    meshio.write(tmp_path / "a.xdmf", meshio.Mesh(mesh.points, mesh.cells))
+    arrays = GmshFile.model_validate({"file": str(tmp_path / "a.xdmf")}).files()
+    assert arrays == [tmp_path / "a.xdmf", tmp_path / "a.h5"]
+    (tmp_path / "nodes.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    (tmp_path / "b.inp").write_text("*Include, input=nodes.inp\n*ELEMENT, TYPE=CPS4\n")
+    assert GmshFile.model_validate({"file": str(tmp_path / "b.inp")}).files() == [
+        tmp_path / "b.inp", tmp_path / "nodes.inp"
+    ]  # fmt: skip
+
+
 def test_exodus_is_refused_with_formats_that_work(tmp_path: Path) -> None:
     (tmp_path / "a.exo").write_bytes(b"CDF")
     with pytest.raises(RuptfxError, match=facts(r"a\.exo: .* \.msh, \.med, \.unv .* \.inp ")):

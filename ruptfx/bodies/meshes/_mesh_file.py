@@ -36,6 +36,7 @@ _CELLS = [
 _DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
 _BY_GMSH = {".geo", ".med", ".unv"}  # formats whose groups meshio does not return; .msh where meshio fails
 _OF_GMSH = re.compile(rb"\s*\$(?!MeshFormat\s+2)")  # begin of mesh files that Gmsh may read where meshio fails: not 2.2
+_REFERENCES = {".xdmf": rb"([^\s<>\"]+\.h5):", ".inp": rb"(?im)^\*include\b.*?=[ \t]*([^\s,]+)"}  # names of other files
 _CODED = re.compile(r"#\d (\d+) (.*)", re.S)  # dimension, number and name of a group, by `_gmsh.name_groups`
 _EXODUS = {".e", ".ex2", ".exo"}
 
@@ -82,6 +83,15 @@ class _Group(NamedTuple):
     def shown(self) -> str:
         """Return the name as a value of a TOML key."""
         return self.name if self.name == str(self.number) else f'"{self.name}"'
+
+
+def sources(path: Path) -> list[Path]:
+    """Return the existing files that meshio reads with a mesh file: arrays of XDMF, parts of Abaqus."""
+    if path.suffix not in _REFERENCES or not path.is_file():
+        return []
+    names = re.findall(_REFERENCES[path.suffix], path.read_bytes())
+    files = dict.fromkeys(path.absolute().parent / os.fsdecode(name) for name in names)
+    return [file for file in files if file.is_file()]
 
 
 def read(path: Path, trust: bool, sides: Mapping[str, list[str]], names: Mapping[str, str | int]) -> FileMesh:
@@ -132,9 +142,9 @@ def read(path: Path, trust: bool, sides: Mapping[str, list[str]], names: Mapping
     groups, of_facets = _named(path, groups, of_facets, sides, names, mesh.point_sets)
     all_nodes, elements = _distinct(mesh.cells_dict[type_][:, order].astype(np.int64), groups)
     all_cells, others = np.split(all_nodes, [1 + max(map(max, FACETS[cell]))], axis=1)
-    places = mesh.points[all_cells].mean(axis=1)
-    elements = _without_containers(elements, {*names, *(body for side in sides.values() for body in side)}, len(places))
-    cell_body, bodies = _bodies(path, elements, places), sorted(elements)
+    named = {*names, *(body for side in sides.values() for body in side)}
+    elements = _without_containers(elements, named, len(all_cells))
+    cell_body, bodies = _bodies(path, elements, mesh.points, all_cells), sorted(elements)
     used, cells = np.unique(all_cells, return_inverse=True)
     renumber = np.full(len(mesh.points), -1)
     renumber[used] = np.arange(len(used))
@@ -354,14 +364,14 @@ def _without_containers(elements: dict[str, np.ndarray], used: Collection[str], 
     return {name: cells for name, cells in elements.items() if name in used or not covered[cells].all()}
 
 
-def _bodies(path: Path, elements: Mapping[str, np.ndarray], places: np.ndarray) -> np.ndarray:
+def _bodies(path: Path, elements: Mapping[str, np.ndarray], points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Return the number of the body of every cell, in alphabetical order; refuse cells of none and of several."""
     names = sorted(elements)
-    times = np.bincount(np.concatenate([elements[name] for name in names]), minlength=len(places))
+    times = np.bincount(np.concatenate([elements[name] for name in names]), minlength=len(cells))
     for wrong, what in ((times == 0, "no named body"), (times > 1, "more than one named body")):
         if wrong.any():
             first = int(np.argmax(wrong))
-            place = ", ".join(f"{x:.6g}" for x in places[first])
+            place = ", ".join(f"{x:.6g}" for x in points[cells[first]].mean(axis=0))
             among = [name for name in names if first in elements[name]]
             raise RuptfxError(
                 f"{path}: {wrong.sum()} cells belong to {what}, the first at ({place})"
@@ -372,7 +382,7 @@ def _bodies(path: Path, elements: Mapping[str, np.ndarray], places: np.ndarray) 
                     "lies inside of them is then ignored" if among else "give these cells to a group, or remove them"
                 )
             )  # fmt: skip
-    cell_body = np.zeros(len(places), dtype=np.int64)
+    cell_body = np.zeros(len(cells), dtype=np.int64)
     for number, name in enumerate(names):
         cell_body[elements[name]] = number
     return cell_body

@@ -96,7 +96,7 @@ class GmshFile(MeshSource):
 
     def files(self) -> list[Path]:
         path = Path(self.file)
-        return [path, *_geo.sources(path)] if path.suffix == ".geo" and path.is_file() else [path]
+        return [path, *(_geo.sources(path) if path.suffix == ".geo" else _mesh_file.sources(path))]
 
     def remarks(self) -> dict[str, str]:
         names = ", ".join(f"{name} = {group!r}" for name, group in self.names.items())
