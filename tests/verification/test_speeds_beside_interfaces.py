@@ -368,3 +368,16 @@ def test_driven_edges_of_both_bodies_slide_them_apart():
     model = Model(parse_case(table), COMM)
     slip = _driven_slip(model, model.faults[0].interface, np.array([1.0, 0.0]), 2e-6, model.loads)
     assert slip == pytest.approx(26e-6, rel=1e-12)
+
+
+def test_echoes_come_with_the_fastest_waves_of_a_body():
+    """From the interface to the top and back, 8 mm, at c_p = sqrt(E / (1 - nu^2) / rho), with 53 GPa in a strip."""
+
+    def first_echo(changes):
+        found = doubts(Model(case({"duration": 1e-4, **changes}), COMM))
+        return next(each.value for each in found if "echo" in each.quantity)
+
+    slow = 8e-3 / np.sqrt(5.3e9 / (1 - 0.35**2) / 1246.0)
+    assert first_echo({}) == pytest.approx(slow, rel=1e-6)
+    strip = {"materials.default.young_modulus": layers("x", [6e-3], [5.3e9, 53e9])}
+    assert first_echo(strip) == pytest.approx(slow / np.sqrt(10), rel=1e-6)

@@ -157,7 +157,10 @@ def _cost(model: Model, motion: Motion, steps: int | None, started: float, built
 
 
 def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
-    """Yield the largest frequency that each instrument resolves, and the reason for the limit."""
+    """Yield the largest frequency that each instrument resolves, and the reason for the limit.
+
+    What the mesh carries is that of the slowest S waves in the body of the instrument, through which they may come.
+    """
     slowest = [material.wave_speeds(model.case.plane).c_s for material in model.materials]
     for number, (instrument, channels) in enumerate(measured(model, dt)):
         often = 0.5 / instrument.interval

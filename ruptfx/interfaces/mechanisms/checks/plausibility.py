@@ -111,6 +111,9 @@ def _echoes(model: System) -> Iterator[Doubt]:
     if not faces:
         return
     extent = float(np.max(np.ptp(model.coordinates, axis=0)))
+    fastest = [material.wave_speeds(model.case.plane).c_p for material in model.materials]
+    if model.variation is not None:
+        fastest = model.variation.fastest.tolist()
     explained = ""
     for name in model.bodies.edges:
         edge = model.loads.edge(name, "boundaries")
@@ -121,8 +124,7 @@ def _echoes(model: System) -> Iterator[Doubt]:
         x = model.coordinates[edge.nodes]
         points = near or [face.points for face in faces]
         distance = min(float(closest(x, own)[0].min()) for own in points)
-        speeds = [model.materials[body].wave_speeds(model.case.plane).c_p for body in np.unique(edge.bodies)]
-        arrival = 2 * distance / float(max(speeds))
+        arrival = 2 * distance / max(fastest[body] for body in np.unique(edge.bodies))
         if distance > 1e-6 * extent and arrival < model.case.duration:
             yield Doubt(
                 f"{name}: echo", arrival, "s", f"the same as {explained}" if explained else
