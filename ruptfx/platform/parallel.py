@@ -149,6 +149,10 @@ def _sorted(rows: np.ndarray) -> np.ndarray:
 
 
 def three_digits(value: float) -> float:
-    """Return a value rounded down to three digits, so that rounding errors of an eigenvalue have no effect on ranks."""
+    """Return a value rounded down to three decimal digits, by 0.9 % at most.
+
+    Rounding errors of an eigenvalue then have no effect on ranks. The third digit depends on the unit, of time for
+    example (`docs/explanation/accuracy.md`).
+    """
     unit = 10.0 ** (np.floor(np.log10(value)) - 2)
     return float(np.floor(value / unit * (1 + 1e-9)) * unit)

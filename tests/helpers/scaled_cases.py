@@ -36,7 +36,7 @@ def _mapped(part: Part, table: Table, change: Change, of_key: str) -> Table:
         text = any(has_mark(type(part), name, mark) for mark in (Unit, OfKey))
         inner = isinstance(part, Profile) and name != "factor"  # of which the unit is that of the key
         unit = unit_of(type(part), name)
-        if has_mark(type(part), name, OfKey) or (inner and isinstance(getattr(part, name), Profile)):
+        if has_mark(type(part), name, OfKey) or (inner and unit == "1" and isinstance(getattr(part, name), Profile)):
             unit = of_key
         result[name] = _value(getattr(part, name), table[name], change, unit, text)
     return result
