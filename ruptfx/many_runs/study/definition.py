@@ -11,7 +11,7 @@ import shlex
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, ValidationError, ValidationInfo, model_validator
@@ -233,7 +233,7 @@ class Study(Part):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _with_plugins(cls, values: object, handler: ModelWrapValidatorHandler[Study], info: ValidationInfo) -> Study:
+    def _with_plugins(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         loaded = named(values, (info.context or {}).get("directory")) if isinstance(values, Mapping) else []
         with active(loaded):
             return handler(values)
