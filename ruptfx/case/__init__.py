@@ -258,16 +258,16 @@ class Case(CaseFile):
         listed = values.get("unknowns") if isinstance(values, Mapping) else None
         if not isinstance(values, Mapping) or not isinstance(listed, list):
             return handler(values)
-        unknowns, given = [], []
+        unknowns, value = [], []
         for number, unknown in enumerate(listed):
             changes = {}
             for name in ("bounds", "sigma") if isinstance(unknown, Mapping) else ():
                 if name in unknown and not (name == "sigma" and unknown.get("scale") == "log"):
                     changes[name], units = si_and_units(unknown[name])
-                    given.append((f"unknowns.{number}.{name}", units, str(unknown.get("key"))))
+                    value.append((f"unknowns.{number}.{name}", units, str(unknown.get("key"))))
             unknowns.append({**unknown, **changes} if changes else unknown)
         case = handler({**values, "unknowns": unknowns})
-        for key, units, of in given:
+        for key, units, of in value:
             require_units(key, units, unit_of_key(case, of))
         return case
 
@@ -308,13 +308,13 @@ class Case(CaseFile):
         choices |= {f"attachments.{number}": type(each) for number, each in enumerate(self.attachments)}
         for key, damping in self.all_dampings():
             fields = type(damping).model_fields.items()
-            given = (name for name, field in fields if getattr(damping, name) != field.default)
-            choices |= {f"{key}.{name}": type(damping) for name in given}
+            items = (name for name, field in fields if getattr(damping, name) != field.default)
+            choices |= {f"{key}.{name}": type(damping) for name in items}
         for name in ("fracture", "collisions"):
             if (part := getattr(self, name)) is not None:
                 choices[name] = type(part)
-        given = (name for name in ("stages", "large_rotations", "objective") if getattr(self, name))
-        return choices | {name: type(self) for name in given}
+        items = (name for name in ("stages", "large_rotations", "objective") if getattr(self, name))
+        return choices | {name: type(self) for name in items}
 
     def _shown(self, key: str) -> str:
         """Return a key with its kind or its number as text, as in a case file."""
@@ -328,11 +328,11 @@ class Case(CaseFile):
     @property
     def stressed_materials(self) -> dict[str, Material]:
         """The materials, with the initial stress of the bodies where they yield and give none of their own."""
-        given = self.initial_stress
-        if given is None:
+        value = self.initial_stress
+        if value is None:
             return self.materials
-        everywhere = given.everywhere
-        six = [Component(stress=given, number=i) for i in range(6)] if everywhere is None else everywhere.tolist()
+        everywhere = value.everywhere
+        six = [Component(stress=value, number=i) for i in range(6)] if everywhere is None else everywhere.tolist()
         return {
             name: material.substituted({"initial_stress": six})
             if "initial_stress" in type(material).model_fields else material
@@ -361,18 +361,18 @@ class Case(CaseFile):
         if self.initial_stress is not None:
             everywhere = self.initial_stress.everywhere
             return None if everywhere is None else matrices(everywhere[None])[0, :dim, :dim]
-        given = (fault.initial_stress.matrix(dim) for fault in self.faults.values())
-        return next((tensor for tensor in given if tensor is not None), None)
+        items = (fault.initial_stress.matrix(dim) for fault in self.faults.values())
+        return next((tensor for tensor in items if tensor is not None), None)
 
     @property
     def intervals(self) -> dict[str, float]:
         """Time between records [s] of interfaces, bodies, and averaged forces."""
         output = self.output
-        found = {
+        entries = {
             "interface": output.interface_interval or self.duration / RECORDS.get(self.plane, 300),
             "bulk": output.bulk_interval or self.duration / 6,
         }
-        return found if output.forces_interval is None else {**found, "forces": output.forces_interval}
+        return entries if output.forces_interval is None else {**entries, "forces": output.forces_interval}
 
     @property
     def impact_speed(self) -> float:

@@ -21,15 +21,15 @@ MOST_RECORDS = 1e7
 
 def problems(case: Case) -> list[str]:
     """Return what is inconsistent in a case, at most one message of each check."""
-    found = []
+    items = []
     for check in _checks(case):
         try:
             message = next(check, None)
         except ValueError as error:  # of a part that checks itself
             message = str(error)
         if message:
-            found.append(message)
-    return found
+            items.append(message)
+    return items
 
 
 def _checks(case: Case) -> Iterator[Messages]:
@@ -91,9 +91,9 @@ def _stages(case: Case) -> Messages:
 
 
 def _intervals(case: Case) -> Messages:
-    given = {f"output.{name}_interval": getattr(case.output, f"{name}_interval") for name in case.intervals}
-    given |= {f"instruments.{number}.interval": each.interval for number, each in enumerate(case.instruments)}
-    for key, interval in given.items():
+    entries = {f"output.{name}_interval": getattr(case.output, f"{name}_interval") for name in case.intervals}
+    entries |= {f"instruments.{number}.interval": each.interval for number, each in enumerate(case.instruments)}
+    for key, interval in entries.items():
         if interval is not None and case.duration / interval > MOST_RECORDS:
             yield (
                 f"{key} = {interval:g} s: {case.duration / interval:.3g} records in duration = "
@@ -179,13 +179,13 @@ def _tensors(case: Case) -> Messages:
 
 def _body_stress(case: Case) -> Messages:
     """Check the table `[initial_stress]`, and that nothing lacks it."""
-    given = case.initial_stress
-    if given is None:
+    value = case.initial_stress
+    if value is None:
         yield from _missing_stress(case)
         return
     if case.plane in ("antiplane", "axisymmetric"):
         yield f"initial_stress: not for plane = '{case.plane}'; give normal and shear in faults.NAME.initial_stress"
-    given.check(case.plane)
+    value.check(case.plane)
     for name, fault in case.faults.items():
         if fault.initial_stress.tensor is not None:
             yield (
@@ -193,12 +193,12 @@ def _body_stress(case: Case) -> Messages:
                 "of them"
             )
     yield from _stressed_materials(case)
-    if case.fracture is not None and given.everywhere is None:
+    if case.fracture is not None and value.everywhere is None:
         yield (
-            f"initial_stress.kind = '{given.kind()}': with [fracture] the stress of the bodies is uniform; use "
+            f"initial_stress.kind = '{value.kind()}': with [fracture] the stress of the bodies is uniform; use "
             "kind = 'uniform'"
         )
-    for name in _yielding(case) if given.everywhere is not None else ():
+    for name in _yielding(case) if value.everywhere is not None else ():
         try:
             case.stressed_materials[name].check_values()
         except ValueError as error:
@@ -266,11 +266,11 @@ def without_effect(case: Case) -> Messages:
     if case.faults:
         return
     # A resolved case gives its defaults, too.
-    given = {
+    entries = {
         f"output.{name}": getattr(output, name) for name in ("rupture_threshold", "rupture_after")
         if getattr(output, name) != type(output).model_fields[name].default
     }  # fmt: skip
-    keys = [f"{key} = {value:g}" for key, value in given.items()]
+    keys = [f"{key} = {value:g}" for key, value in entries.items()]
     keys += [key for key, rule in (stop.by_key() if stop is not None else {}).items() if rule.of_interfaces]
     for key in keys:
         yield f"{key}: without effect, for there is no interface ([faults.NAME]); remove it"

@@ -117,11 +117,11 @@ def check(choices: Choices, shown: Callable[[str], str]) -> None:
     """
     refusals = tuple(refusals_of(choices))
     if refusals:
-        found = remedies(choices, refusals)
+        result = remedies(choices, refusals)
         reasons = (f"{', '.join(shown(key) for key in refusal.keys)}: {refusal.reason}" for refusal in refusals)
         hints = "; ".join(refusal.hint for refusal in refusals if refusal.hint)
-        remedy = _in_words(found) or hints or "no other kind of one of them helps"
-        raise UnsupportedError(f"{'; '.join(dict.fromkeys(reasons))}; {remedy}", found)
+        remedy = _in_words(result) or hints or "no other kind of one of them helps"
+        raise UnsupportedError(f"{'; '.join(dict.fromkeys(reasons))}; {remedy}", result)
 
 
 def refusals_of(choices: Choices) -> Iterator[Refusal]:
@@ -139,8 +139,8 @@ def remedies(choices: Choices, refusals: Iterable[Refusal]) -> tuple[tuple[Chang
             others = alternatives(_folder(keys[0])).values()
             swaps += (Change(keys, cls) for cls in others if cls is not choices[keys[0]])
         drops += (Change(keys) for keys in refusal.drop)
-    found = [*_smallest(choices, swaps), *_smallest(choices, drops)]
-    return tuple(found or _smallest(choices, [*swaps, *drops]))
+    items = [*_smallest(choices, swaps), *_smallest(choices, drops)]
+    return tuple(items or _smallest(choices, [*swaps, *drops]))
 
 
 def _folder(key: str) -> str:
@@ -154,9 +154,9 @@ def _smallest(choices: Choices, changes: list[Change]) -> list[tuple[Change, ...
     changes = list(dict.fromkeys(changes))
     for size in range(1, MOST_CHANGES + 1):
         sets = [each for each in combinations(changes, size) if _apart(each)]
-        found = [each for each in sets if not any(refusals_of(_changed(choices, each)))]
-        if found:
-            return found
+        smallest = [each for each in sets if not any(refusals_of(_changed(choices, each)))]
+        if smallest:
+            return smallest
     return []
 
 
@@ -448,11 +448,11 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
 # -- words -----------------------------------------------------------------------------------------
 
 
-def _in_words(found: tuple[tuple[Change, ...], ...]) -> str:
+def _in_words(result: tuple[tuple[Change, ...], ...]) -> str:
     """Return remedies as the end of a message, kinds of one key side by side; empty without any."""
     kinds: dict[tuple[tuple[Change, ...], Keys], list[str]] = {}
     removals = []
-    for changes in found:
+    for changes in result:
         *others, last = changes
         if all(change.kind is None for change in changes):
             removals.append(f"remove {_listed([key for change in changes for key in change.keys], 'and')}")

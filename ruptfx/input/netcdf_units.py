@@ -111,11 +111,11 @@ def check_grid(path: Path, variable: str, axes: Sequence[str], unit: str) -> Non
     ------
     ValueError
     """
-    with _opened_grid(path, variable) as found:
-        for name in found.dims:
-            if name in axes and name in found.coords:
-                _factor(path, str(name), found[name].attrs, "m")
-        _factor(path, variable, found.attrs, unit)
+    with _opened_grid(path, variable) as result:
+        for name in result.dims:
+            if name in axes and name in result.coords:
+                _factor(path, str(name), result[name].attrs, "m")
+        _factor(path, variable, result.attrs, unit)
 
 
 def read_grid(
@@ -144,23 +144,23 @@ def read_grid(
         The file cannot be read, has too many values, other axes, a unit that is unknown or of another kind, or missing
         values.
     """
-    with _opened_grid(path, variable) as found:
-        name = str(found.name)
-        require_size(path, name, found.shape, most)
-        dims = [axis for axis in axes if axis in found.dims]
-        has_other = len(dims) < len(found.dims) or any(axis not in found.coords for axis in dims)
+    with _opened_grid(path, variable) as result:
+        name = str(result.name)
+        require_size(path, name, result.shape, most)
+        dims = [axis for axis in axes if axis in result.dims]
+        has_other = len(dims) < len(result.dims) or any(axis not in result.coords for axis in dims)
         if has_other or not dims or (every and len(dims) < len(axes)):
-            shown = ", ".join(map(str, found.dims)) or "none"
+            shown = ", ".join(map(str, result.dims)) or "none"
             wanted = f"{' and '.join(axes)}, with coordinates" if every else f"{', '.join(axes)} with coordinates"
             raise ValueError(f"{path}: '{name}' has the axes {shown}; give it {wanted}")
-        found = found.load().transpose(*dims).sortby(dims)
+        result = result.load().transpose(*dims).sortby(dims)
         coordinates = []
         for axis in dims:
-            positions = np.asarray(found[axis].values, dtype=float) * _factor(path, axis, found[axis].attrs, "m")
+            positions = np.asarray(result[axis].values, dtype=float) * _factor(path, axis, result[axis].attrs, "m")
             if len(positions) < 2 or not np.all(np.diff(positions) > 0):
                 raise ValueError(f"{path}: {axis} needs two positions or more, each given once")
             coordinates.append(positions)
-        values = np.asarray(found.values, dtype=float) * _factor(path, name, found.attrs, unit)
+        values = np.asarray(result.values, dtype=float) * _factor(path, name, result.attrs, unit)
     if not np.isfinite(values).all():
         raise ValueError(f"{path}: '{name}' has values that are missing or not finite; fill them")
     return Grid(dims, coordinates, values)
@@ -192,12 +192,12 @@ def unit_and_factor(path: Path, name: str, attributes: Mapping[str, object], uni
     """
     if "units" not in attributes:
         raise ValueError(f"{path}: '{name}' has no unit; give it an attribute units")
-    given = str(attributes["units"])
+    text = str(attributes["units"])
     try:
-        return given, float(factor(given, unit))
+        return text, float(factor(text, unit))
     except ValueError as error:
         wanted = f", write {unit} or a multiple" if unit else ""
-        raise ValueError(f"{path}: '{name}' has units = '{given}': {error}; correct this attribute{wanted}") from None
+        raise ValueError(f"{path}: '{name}' has units = '{text}': {error}; correct this attribute{wanted}") from None
 
 
 def unpacked(path: Path, variable: h5netcdf.Variable, most: int = MOST_VALUES) -> np.ndarray:

@@ -88,9 +88,9 @@ class NumberTable:
         """
         for line, cells in reversed(self.headers):
             where = f"line {line} of {self.path}, column"
-            found = {i: _name_and_factor(cells[i], unit, f"{where} {i + 1}")[1] for i, unit in units.items()}
-            if any(scale is not None for scale in found.values()):
-                return found
+            entries = {i: _name_and_factor(cells[i], unit, f"{where} {i + 1}")[1] for i, unit in units.items()}
+            if any(scale is not None for scale in entries.values()):
+                return entries
         return dict.fromkeys(units)
 
     def named(self, units: Mapping[str, str]) -> dict[str, tuple[int, Fraction | int]]:
@@ -101,7 +101,7 @@ class NumberTable:
         ValueError
             A unit that is unknown, or of another kind; a name that is given twice.
         """
-        found: dict[str, tuple[int, Fraction | int]] = {}
+        entries: dict[str, tuple[int, Fraction | int]] = {}
         line, header = self.headers[-1] if self.headers else (0, [])
         for column, cell in enumerate(header):
             for name, unit in units.items():
@@ -112,10 +112,10 @@ class NumberTable:
                         continue
                 elif cell != name:
                     continue
-                if name in found:
+                if name in entries:
                     raise ValueError(f"{where}: a second column {name}; rename or leave out one of them")
-                found[name] = column, scale or 1
-        return found
+                entries[name] = column, scale or 1
+        return entries
 
     def called(self, names: Sequence[str], unit: str) -> list[int]:
         """Return the columns that a header calls by one of these names, in lower case, with or without a unit."""
@@ -198,7 +198,7 @@ def _aligned(table: NumberTable, above: Sequence[tuple[int, str]], separator: st
                 f"many; {hint}"
             )
     headers = []
-    described = {int(found[1]): found[2] for _, content in above if (found := _DESCRIBED.fullmatch(content))}
+    described = {int(match[1]): match[2] for _, content in above if (match := _DESCRIBED.fullmatch(content))}
     for line, content in above:
         if _DESCRIBED.fullmatch(content):
             continue
@@ -317,8 +317,8 @@ def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
         An unknown unit, or one of another kind.
     """
     cell = cell.strip().strip("\"'").strip()
-    if found := _BRACKETED.fullmatch(cell):
-        return found[1], factor(_symbol_of(found[2]), unit)
+    if match := _BRACKETED.fullmatch(cell):
+        return match[1], factor(_symbol_of(match[2]), unit)
     # Without brackets a word may be part of the name: it is a unit if it is one of the right kind.
     *words, last = cell.split() or [""]
     likely = [("", cell), (" ".join(words), last)]
@@ -331,8 +331,8 @@ def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
         scale = _factor_or_none(text, unit)
         if scale is not None:
             return name, scale
-    if found := _SLASHED.fullmatch(cell):
-        return found[1], factor(found[2], unit)
+    if match := _SLASHED.fullmatch(cell):
+        return match[1], factor(match[2], unit)
     return cell, None
 
 
@@ -435,11 +435,11 @@ def with_units(path: Path, first: str | None = None, others: str | None = None) 
     named: list[tuple[str, str]] = []
     for column, cell in enumerate(header):
         where = f"line {line} of {path}, column {column + 1}"
-        found = _BRACKETED.fullmatch(cell)
-        if found is None:
+        match = _BRACKETED.fullmatch(cell)
+        if match is None:
             raise ValueError(f"{where}, {cell!r}: has no unit; write it in brackets behind the name, as time (us)")
         _name_and_factor(cell, others if column else first, where)
-        named.append((found[1].strip(), _symbol_of(found[2])))
+        named.append((match[1].strip(), _symbol_of(match[2])))
     if len(dict(named)) < len(named):
         raise ValueError(f"{path}: two columns have the same name; rename one of them")
     return {name: (table.column(place), unit) for place, (name, unit) in enumerate(named)}
@@ -532,8 +532,8 @@ def named_histories(
 def _called(cell: str, aliases: Sequence[str], unit: str) -> bool:
     """Return whether the header of a column has one of the names, with or without a unit."""
     names = [cell]
-    if found := _BRACKETED.fullmatch(cell):
-        names.append(found[1])
+    if match := _BRACKETED.fullmatch(cell):
+        names.append(match[1])
     else:
         with suppress(ValueError):  # a unit of another kind: the column is another quantity, or has no unit
             names.append(name_and_factor(cell, unit)[0])
@@ -576,5 +576,5 @@ def with_file_read(
     if values.get(key) or values.get("values"):
         raise ValueError(f"give either a file or {key} and values")
     path = Path((info.context or {}).get("directory") or ".", values["file"])
-    column, found = two_columns(path, first, units, second)
-    return {**{name: value for name, value in values.items() if name != "file"}, key: column, "values": found}
+    column, result = two_columns(path, first, units, second)
+    return {**{name: value for name, value in values.items() if name != "file"}, key: column, "values": result}

@@ -78,8 +78,8 @@ class Plugin:
 
     def listed(self) -> str:
         """Return the definitions of the plug-in as text."""
-        found = (f"{package.rpartition('.')[2]} {kind}" for package, named in self.classes.items() for kind in named)
-        return ", ".join(found)
+        items = (f"{package.rpartition('.')[2]} {kind}" for package, named in self.classes.items() for kind in named)
+        return ", ".join(items)
 
 
 def load(path: str | Path) -> Plugin:
@@ -94,9 +94,9 @@ def load(path: str | Path) -> Plugin:
     source = _source(path)
     name = f"{MODULE}{path.stem}_{hashlib.sha256(source).hexdigest()}"
     if name not in _loaded:
-        with telling.get()(path) as told:
+        with telling.get()(path) as report:
             plugin = Plugin(path, source, _defined(_execute(name, path, source)))
-            told.append(plugin.listed())
+            report.append(plugin.listed())
         _loaded[name] = plugin
     plugin = Plugin(path, source, _loaded[name].classes)
     _check(plugin)
@@ -276,11 +276,11 @@ def named(table: Mapping[str, object], directory: Path | None) -> list[Plugin]:
     ------
     CaseError
     """
-    given = table.get("plugins")
-    if not isinstance(given, list) or not all(isinstance(item, str | Plugin) for item in given):
+    plugins = table.get("plugins")
+    if not isinstance(plugins, list) or not all(isinstance(item, str | Plugin) for item in plugins):
         return []
-    found = (item if isinstance(item, Plugin) else Path(directory or ".", item).resolve() for item in given)
-    return [item if isinstance(item, Plugin) else load(item) for item in dict.fromkeys(found)]
+    items = (item if isinstance(item, Plugin) else Path(directory or ".", item).resolve() for item in plugins)
+    return [item if isinstance(item, Plugin) else load(item) for item in dict.fromkeys(items)]
 
 
 class CaseFile(Part):
@@ -300,10 +300,10 @@ class CaseFile(Part):
             )
         if not isinstance(values, Mapping):
             return handler(values)
-        found = named(values, (info.context or {}).get("directory"))
-        with active(found):
-            case = handler({**values, "plugins": [str(plugin.path) for plugin in found]} if found else values)
-        case._plugins = tuple(found)
+        result = named(values, (info.context or {}).get("directory"))
+        with active(result):
+            case = handler({**values, "plugins": [str(plugin.path) for plugin in result]} if result else values)
+        case._plugins = tuple(result)
         return case
 
     @property
@@ -348,16 +348,16 @@ class CaseFile(Part):
         CaseError
             If a class is not defined in a file.
         """
-        found = list(self._plugins)
+        items = list(self._plugins)
         for cls in dict.fromkeys(type(part) for part in _parts(self)):
             if not issubclass(cls, Alternative) or home(cls) is None or _is_at_home(cls):
                 continue
-            if not any(cls in named.values() for plugin in found for named in plugin.classes.values()):
+            if not any(cls in named.values() for plugin in items for named in plugin.classes.values()):
                 plugin = of_class(cls)
-                if all(plugin.digest != other.digest for other in found):
-                    found.append(plugin)
-        with active(found):
-            return found
+                if all(plugin.digest != other.digest for other in items):
+                    items.append(plugin)
+        with active(items):
+            return items
 
     def table(self) -> Table:
         """Return the resolved case as plain tables, ready for TOML."""

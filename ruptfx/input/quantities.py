@@ -59,11 +59,11 @@ def parse(text: str, unit: str | None) -> float:
         If the text is no number with a unit, or the unit is unknown or of another kind.
     """
     example = "'2 %'" if unit == "1" else f"'2 {unit or 'm'}'"
-    found = _QUANTITY.fullmatch(text)
-    if found is None:
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
         raise ValueError(f"input should be a valid number, or one with a unit, such as {example}")
     try:
-        return float(Fraction(found[1]) * factor(found[2], unit))
+        return float(Fraction(match[1]) * factor(match[2], unit))
     except OtherKind as error:
         raise ValueError(f"{error}; write for example {example}") from None
     except OverflowError:
@@ -72,9 +72,9 @@ def parse(text: str, unit: str | None) -> float:
 
 def in_si(text: str) -> float | None:
     """Return the number in SI units from text such as "6 MPa"; None if it is no number with a known unit."""
-    found = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text)
     try:
-        return None if found is None else float(Fraction(found[1]) * factor(found[2], None))
+        return None if match is None else float(Fraction(match[1]) * factor(match[2], None))
     except (ValueError, OverflowError):
         return None
 
@@ -87,9 +87,9 @@ def si_and_units(value: object) -> tuple[object, list[str]]:
     number = in_si(value) if isinstance(value, str) else None
     if number is None or not isinstance(value, str):
         return value, []
-    found = _QUANTITY.fullmatch(value)
-    assert found is not None
-    return number, [found[2]]
+    match = _QUANTITY.fullmatch(value)
+    assert match is not None
+    return number, [match[2]]
 
 
 def require_units(key: str, units: list[str], wanted: str) -> None:
@@ -120,13 +120,13 @@ def factor(text: str, unit: str | None) -> Fraction:
     ValueError
         An unknown unit, or one of another kind.
     """
-    given, dimension = _unit(text)
+    value, dimension = _unit(text)
     if unit is None:
-        return given
+        return value
     wanted, wanted_dimension = _unit(unit)
     if dimension != wanted_dimension:
         raise OtherKind(f"a value in {unit} is wanted, and {text} is of another kind")
-    return given / wanted
+    return value / wanted
 
 
 def _unit(text: str) -> tuple[Fraction, Counter[str]]:
@@ -135,11 +135,11 @@ def _unit(text: str) -> tuple[Fraction, Counter[str]]:
     for number, part in enumerate(text.split("/")):
         sign = -1 if number else 1
         for symbol in part.replace("*", " ").replace("·", " ").split():
-            found = _FACTOR.fullmatch(symbol)
-            if found is None:
+            match = _FACTOR.fullmatch(symbol)
+            if match is None:
                 raise ValueError(f"unknown unit '{text}'; write for example 'N/m' or 'm s^-2'")
-            scale, base = _symbol(found[1])
-            exponent = sign * int(found[2] or 1)
+            scale, base = _symbol(match[1])
+            exponent = sign * int(match[2] or 1)
             factor *= scale**exponent
             dimension.update({name: exponent * power for name, power in base.items()})
     return factor, Counter({name: power for name, power in dimension.items() if power})

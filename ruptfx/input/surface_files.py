@@ -24,12 +24,12 @@ class SurfaceGrid(NamedTuple):
     values: list[list[float]]
 
 
-def with_grid_read(given: object, info: ValidationInfo, unit: str | None) -> object:
+def with_grid_read(grid: object, info: ValidationInfo, unit: str | None) -> object:
     """Replace `file` and `variable` in the table of a profile by the grid that the file contains.
 
     Parameters
     ----------
-    given : object
+    grid : object
         Table of the profile; without `file` it is returned as it is.
     info : ValidationInfo
         Validation context with the directory of the case.
@@ -40,19 +40,19 @@ def with_grid_read(given: object, info: ValidationInfo, unit: str | None) -> obj
     ------
     ValueError
     """
-    if not isinstance(given, Mapping) or not isinstance(given.get("file"), str):
-        return given
-    if any(given.get(name) for name in SurfaceGrid._fields):
+    if not isinstance(grid, Mapping) or not isinstance(grid.get("file"), str):
+        return grid
+    if any(grid.get(name) for name in SurfaceGrid._fields):
         raise ValueError("give either a file, or strike, dip and values")
-    path = Path((info.context or {}).get("directory") or ".", given["file"])
-    variable = given.get("variable")
+    path = Path((info.context or {}).get("directory") or ".", grid["file"])
+    variable = grid.get("variable")
     if path.suffix.lower() in NETCDF:
-        found = of_netcdf(path, variable if isinstance(variable, str) else None, unit)
+        csv = of_netcdf(path, variable if isinstance(variable, str) else None, unit)
     elif variable is not None:
         raise ValueError(f"variable = {variable!r}: only NetCDF files ({', '.join(NETCDF)}) have variables; remove it")
     else:
-        found = of_csv(path, unit)
-    return {**{name: value for name, value in given.items() if name not in ("file", "variable")}, **found._asdict()}
+        csv = of_csv(path, unit)
+    return {**{name: value for name, value in grid.items() if name not in ("file", "variable")}, **csv._asdict()}
 
 
 def of_csv(path: Path, unit: str | None) -> SurfaceGrid:
@@ -128,6 +128,6 @@ def of_netcdf(path: Path, variable: str | None, unit: str | None) -> SurfaceGrid
     ------
     ValueError
     """
-    found = read_grid(path, variable, ("dip", "strike"), unit, MOST_VALUES, every=True)
-    dip, strike = found.coordinates
-    return SurfaceGrid(strike.tolist(), dip.tolist(), found.values.tolist())
+    grid = read_grid(path, variable, ("dip", "strike"), unit, MOST_VALUES, every=True)
+    dip, strike = grid.coordinates
+    return SurfaceGrid(strike.tolist(), dip.tolist(), grid.values.tolist())

@@ -60,10 +60,10 @@ def find_mpiexec() -> str:
     """
     # Not resolved: in a virtual environment sys.executable is a link that leads out of it.
     beside = Path(sys.executable).parent / "mpiexec"
-    found = str(beside) if beside.exists() else shutil.which("mpirun") or shutil.which("mpiexec")
-    if found is None:
+    mpiexec = str(beside) if beside.exists() else shutil.which("mpirun") or shutil.which("mpiexec")
+    if mpiexec is None:
         raise RuptfxError("no mpiexec found: install MPI (it comes with DOLFINx), or run on one rank")
-    return found
+    return mpiexec
 
 
 def mpi_command(ranks: int, module: str, *arguments: str) -> list[str]:

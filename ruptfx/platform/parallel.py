@@ -34,8 +34,8 @@ def raise_on_all(comm: Comm, error: Exception | None) -> None:
     RuptfxError
         Of the type of the first error if that is a RuptfxError, so that callers can distinguish errors.
     """
-    found = comm.allgather(None if error is None else (type(error), str(error)))
-    first = next((item for item in found if item is not None), None)
+    result = comm.allgather(None if error is None else (type(error), str(error)))
+    first = next((item for item in result if item is not None), None)
     if first is not None:
         kind, message = first
         raise (kind if issubclass(kind, RuptfxError) else RuptfxError)(message) from error
@@ -136,8 +136,8 @@ def places(comm: Comm, rows: np.ndarray) -> np.ndarray:
     place[order] = sum(comm.allgather(len(order))[: comm.rank]) + np.arange(len(order))
     back = comm.alltoall(np.split(place, np.cumsum([len(part) for part in received])[:-1]))
     result = np.empty(len(rows), dtype=np.int64)
-    for which, found in zip(sent, back, strict=True):
-        result[which] = found
+    for which, value in zip(sent, back, strict=True):
+        result[which] = value
     return result
 
 

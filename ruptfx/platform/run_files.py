@@ -62,9 +62,9 @@ def listed(run: Path) -> Sums | None:
     """
     path = run / NAME
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        files = found["files"]
-        whole = found["seal"] == seal(files) and all(map(_is_inside, files))
+        table = json.loads(path.read_text(encoding="utf-8"))
+        files = table["files"]
+        whole = table["seal"] == seal(files) and all(map(_is_inside, files))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -124,10 +124,10 @@ def check(run: Path, name: str) -> None:
     if name != CASE and not (run / SUMMARY).is_file():
         return
     stem, _, suffix = name.rpartition(".")
-    for found, expected in files.items():
-        of_a_rank = found.startswith(f"{stem}.") and found.endswith(f".{suffix}")
-        if found == name or of_a_rank or (name == CASE and (found == INPUTS or found.startswith(f"{PLUGINS}/"))):
-            _compare(run / found, expected)
+    for result, expected in files.items():
+        of_a_rank = result.startswith(f"{stem}.") and result.endswith(f".{suffix}")
+        if result == name or of_a_rank or (name == CASE and (result == INPUTS or result.startswith(f"{PLUGINS}/"))):
+            _compare(run / result, expected)
 
 
 def check_inputs(run: Path) -> bool:

@@ -29,7 +29,7 @@ def filtered(times: Floats, values: Floats, bandwidth: float | None) -> Floats:
     """
     if bandwidth is None:
         return values
-    constant, found = np.array(0.5 / np.pi / bandwidth), values.copy()
+    constant, result = np.array(0.5 / np.pi / bandwidth), values.copy()
     for n in range(1, len(values)):
-        found[n] = low_pass(values[n - 1], values[n], found[n - 1], times[n] - times[n - 1], constant)
-    return found
+        result[n] = low_pass(values[n - 1], values[n], result[n - 1], times[n] - times[n - 1], constant)
+    return result

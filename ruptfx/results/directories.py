@@ -106,10 +106,10 @@ def is_finished(out: Path, case: RunCase) -> bool:
         run_files.check_inputs(out / NEW)
         return False
     run_files.check(out, run_files.CASE)
-    found = case.hash_in(out)
-    if found not in (None, case.hash):
+    result = case.hash_in(out)
+    if result not in (None, case.hash):
         raise RuptfxError(
-            f"{out}: holds a run of case {found}, this is case {case.hash}; resume with its own case.toml and "
+            f"{out}: holds a run of case {result}, this is case {case.hash}; resume with its own case.toml and "
             "without other values of --set, or choose another --out"
         )
     run_files.check_inputs(out)

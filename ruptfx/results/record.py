@@ -227,12 +227,12 @@ class Files:
             return None
         path = self._existing("summary.json")
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
+            table = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise RecordError(f"{path}: damaged ({error}); run the case again") from None
-        if not isinstance(found, dict):
-            raise RecordError(f"{path}: damaged (no table but {found!r}); run the case again")
-        return found
+        if not isinstance(table, dict):
+            raise RecordError(f"{path}: damaged (no table but {table!r}); run the case again")
+        return table
 
     @property
     def figures(self) -> list[Path]:
@@ -260,11 +260,11 @@ class Files:
     def interfaces(self) -> Mapping[str, Data]:
         paths = sorted(self.path.glob("interface*.h5"))
         opened = {path.stem: self._open_interface(path) for path in paths}
-        found = {str(data.attrs.get("fault", stem)): data for stem, data in opened.items()}
-        if len(found) < 2:
-            return found
-        ordered = [name for name in self.case.get("faults", {}) if name in found]
-        return {name: found[name] for name in [*ordered, *(name for name in found if name not in ordered)]}
+        entries = {str(data.attrs.get("fault", stem)): data for stem, data in opened.items()}
+        if len(entries) < 2:
+            return entries
+        ordered = [name for name in self.case.get("faults", {}) if name in entries]
+        return {name: entries[name] for name in [*ordered, *(name for name in entries if name not in ordered)]}
 
     def _opened(self, path: Path) -> h5py.File:
         """Open a file until the record is closed."""
@@ -299,15 +299,15 @@ class Files:
 
     def _groups(self, file_name: str, names: list[str]) -> Mapping[str, Data]:
         """Return the histories of a file with a group for every name."""
-        path, found = self._existing(file_name), {}
+        path, groups = self._existing(file_name), {}
         try:
             file = self._opened(path)
             for name in names:
                 data = self._histories(file, name)
-                found[name] = self._within(data.isel(time=slice(_written(data["time"].values))))
+                groups[name] = self._within(data.isel(time=slice(_written(data["time"].values))))
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
-        return found
+        return groups
 
     def _histories(self, file: h5py.File, group: str | None = None) -> Any:
         """Return the arrays of an interface, of an instrument, or of an attachment."""
@@ -389,8 +389,8 @@ class Files:
                     values = item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[()]
                     named = {key: item.attrs[key] for key in ("units", "long_name") if key in item.attrs}
                     columns[name] = Column(values, axes(name), named)
-                found = {key: value for key, value in file.attrs.items() if not key.startswith("_")}
-            return self._labelled(columns, found)
+                entries = {key: value for key, value in file.attrs.items() if not key.startswith("_")}
+            return self._labelled(columns, entries)
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
 
@@ -415,8 +415,8 @@ class Files:
                 columns[name]
         except (ValueError, KeyError) as error:
             raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
-        found = self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
-        return self._within(found)
+        result = self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
+        return self._within(result)
 
     def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> Any:
         """Return columns against time, with their units."""

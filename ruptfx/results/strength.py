@@ -55,8 +55,8 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     rate, normal, *values = (np.asarray(data[each].isel(time=rows).values) for each in names)
     state = dict(zip(states, values, strict=True))
     with np.errstate(all="ignore"):  # a law with a direct effect has no strength at rest
-        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + cohesive + np.zeros_like(rate)
-    return np.where(np.isfinite(found), found, np.nan)
+        result = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + cohesive + np.zeros_like(rate)
+    return np.where(np.isfinite(result), result, np.nan)
 
 
 class Strength(Part):

@@ -127,8 +127,8 @@ def unit(name: str, plane: str = "") -> str:
 
 def flat(summary: Table) -> Table:
     """Return the scalars of a summary with those of its interfaces, as `interfaces.NAME.mode`."""
-    found = {name: value for name, value in summary.items() if name != "interfaces"}
+    entries = {name: value for name, value in summary.items() if name != "interfaces"}
     tables = summary.get("interfaces") or {}
-    return found | {
+    return entries | {
         f"interfaces.{interface}.{name}": value for interface, table in tables.items() for name, value in table.items()
     }

@@ -283,9 +283,9 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
 
         with Files(out, trust=True) as record:  # its plug-ins have just been executed by the run
             findings = summarise(record)
-        found = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
+        entries = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
         run_files.complete(out, {
-            **findings, **facts, "title": model.case.title, "case_hash": model.case.hash, "versions": found,
+            **findings, **facts, "title": model.case.title, "case_hash": model.case.hash, "versions": entries,
             "host_cores": os.cpu_count(),
         })  # fmt: skip
 

@@ -71,8 +71,8 @@ class Staged:
     @property
     def ends(self) -> list[tuple[float, Loads]]:
         """End of every stage [s] with its loads."""
-        given = zip(self.starts, self._models, strict=True)
-        return [(start + view.case.stages[number].duration, view.loads) for number, (start, view) in enumerate(given)]
+        value = zip(self.starts, self._models, strict=True)
+        return [(start + view.case.stages[number].duration, view.loads) for number, (start, view) in enumerate(value)]
 
     def step(self, state: State) -> None:
         motion = self._of(state)
@@ -115,9 +115,9 @@ def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> 
     view = copy.copy(model)
     changes = {"damping": stage.damping, "boundaries": stage.boundaries}
     view.case = case.model_copy(update={key: value for key, value in changes.items() if value is not None})
-    given = case.boundaries if stage.boundaries is None else stage.boundaries
+    boundaries = case.boundaries if stage.boundaries is None else stage.boundaries
     key = "boundaries" if stage.boundaries is None else f"stages.{number}.boundaries"
-    view.loads = StageLoads(view, given, key, start, before)
+    view.loads = StageLoads(view, boundaries, key, start, before)
     view.viscosity = view.viscous_layer()
     view.mechanisms = mechanisms_of(view)
     return view
@@ -156,17 +156,17 @@ class StageLoads(Loads):
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:
         """Return the delayed action of a boundary, and the decaying one of its predecessor."""
-        found, start = boundary.act(self, key), self.start
+        result, start = boundary.act(self, key), self.start
         before = [] if self._before is None else self._before.actions_of(boundary)
         speed = sum(old.motion.velocity(start) for old in before if old.motion is not None)
         rise = getattr(boundary, "ramp", 0.0)
-        motion = None if found.motion is None else _following(found.motion, start, speed, rise)
-        force = None if found.force is None else replace(found.force, factor=_shifted(found.force.factor, start))
+        motion = None if result.motion is None else _following(result.motion, start, speed, rise)
+        force = None if result.force is None else replace(result.force, factor=_shifted(result.force.factor, start))
         rests = [
             Action(force=Force(old.force.dofs, old.force.factor(start) * old.force.values, _ending(start, rise)))
             for old in before if old.force is not None
         ]  # fmt: skip
-        return [replace(found, motion=motion, force=force), *rests]
+        return [replace(result, motion=motion, force=force), *rests]
 
 
 def _shifted(course: Callable[[float], float | Floats], start: float) -> Callable[[float], float | Floats]:

@@ -65,8 +65,8 @@ class StopRules:
     """
 
     def __init__(self, model: System, rules: StopWhen | None) -> None:
-        given = {} if rules is None else rules.by_key()
-        self._watches = [(rule.reason or rule.kind(), rule.bind(model, key)) for key, rule in given.items()]
+        entries = {} if rules is None else rules.by_key()
+        self._watches = [(rule.reason or rule.kind(), rule.bind(model, key)) for key, rule in entries.items()]
         self.ended = ""
 
     def table(self) -> Table:

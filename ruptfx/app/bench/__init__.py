@@ -105,8 +105,8 @@ class Outcome:
 def checkout_folder() -> Path | None:
     """Return the folder of the other benchmarks if the package runs from a checkout, None if it is installed."""
     checkout = CORE.parents[2]
-    found = checkout / IN_A_CHECKOUT
-    return found if found.is_dir() and (checkout / "pyproject.toml").is_file() else None
+    result = checkout / IN_A_CHECKOUT
+    return result if result.is_dir() and (checkout / "pyproject.toml").is_file() else None
 
 
 def benchmarks(folder: str | Path | None = None) -> dict[str, Path]:
@@ -123,12 +123,12 @@ def benchmarks(folder: str | Path | None = None) -> dict[str, Path]:
         The folder has no benchmarks, or a name is in both folders.
     """
     others = checkout_folder() if folder is None else Path(folder).resolve()
-    core, found = _files(CORE), {} if others is None else _files(others)
-    if folder is not None and not found:
+    core, result = _files(CORE), {} if others is None else _files(others)
+    if folder is not None and not result:
         raise RuptfxError(f"bench --from {folder}: no benchmarks there; give the folder {IN_A_CHECKOUT} of a checkout")
-    if both := sorted(core.keys() & found):
+    if both := sorted(core.keys() & result):
         raise RuptfxError(f"bench {both[0]}: both in {CORE} and in {others}; rename one of them")
-    return {**core, **found}
+    return {**core, **result}
 
 
 def _files(folder: Path) -> dict[str, Path]:

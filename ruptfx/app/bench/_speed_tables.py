@@ -34,17 +34,17 @@ def step_rows(rows: Sequence[Table]) -> list[Cells]:
 
 def phase_table(rows: Sequence[Table]) -> tuple[Cells, list[Cells]]:
     """Return header and cells: one column per whole command, one row per phase, seconds with the share."""
-    found = {(row["problem"], row["ranks"], row["phase"]): row for row in rows if "phase" in row}
-    commands = list(dict.fromkeys((problem, ranks) for problem, ranks, _ in found))
+    entries = {(row["problem"], row["ranks"], row["phase"]): row for row in rows if "phase" in row}
+    commands = list(dict.fromkeys((problem, ranks) for problem, ranks, _ in entries))
 
     def cell(command: tuple[str, int], name: str) -> str:
-        row = found.get((*command, name))
+        row = entries.get((*command, name))
         if row is None:
             return ""
         return f"{row['seconds']:.2f}" + ("" if name in OUTSIDE else f" ({row['share']:.0%})")
 
     header = ("phase, seconds (share)", *(f"{problem}, {ranks} rank{'s' * (ranks > 1)}" for problem, ranks in commands))
-    names = dict.fromkeys(name for *_, name in found)
+    names = dict.fromkeys(name for *_, name in entries)
     return header, [(name, *(cell(command, name) for command in commands)) for name in names]
 
 
@@ -74,6 +74,6 @@ def aim_rows(*saved: Table) -> list[Cells]:
             rows.append((quantity, f"{first:g}", "", "not measured", ""))
             continue
         unit = "" if check["unit"] == "1" else f" {check['unit']}"
-        aim, found = f"{check['relation']} {check['expected']:g}{unit}", f"{check['found']:.3g}{unit}"
-        rows.append((quantity, f"{first:g}{unit}", aim, found, "reached" if check["passed"] else "missed"))
+        aim, result = f"{check['relation']} {check['expected']:g}{unit}", f"{check['found']:.3g}{unit}"
+        rows.append((quantity, f"{first:g}{unit}", aim, result, "reached" if check["passed"] else "missed"))
     return rows

@@ -36,7 +36,7 @@ def whole_runs(fine: bool, parts: Parts) -> list[Table]:
     """
     samples = 3 if fine else 1
     rows: list[Table] = []
-    found: dict[tuple[str, int], list[Seconds]] = {}
+    entries: dict[tuple[str, int], list[Seconds]] = {}
     with tempfile.TemporaryDirectory() as folder:
         cases = {"impact demo": IMPACT}
         for spacing, duration in ((100.0, 9.0), (50.0, 4.0)):
@@ -48,9 +48,9 @@ def whole_runs(fine: bool, parts: Parts) -> list[Table]:
             for ranks in (1, 2):
                 with parts.one(f"{problem}, {ranks} rank{'s' * (ranks > 1)}"):
                     _run(case, Path(folder), ranks, "--set", f"duration={short}")  # compiles
-                    found[problem, ranks] = runs = [_run(case, Path(folder), ranks) for _ in range(samples)]
+                    entries[problem, ranks] = runs = [_run(case, Path(folder), ranks) for _ in range(samples)]
                     rows += _rows(problem, ranks, runs)
-    parts.checks += _checks(found)
+    parts.checks += _checks(entries)
     return rows
 
 
@@ -63,7 +63,7 @@ def _rows(problem: str, ranks: int, runs: list[Seconds]) -> list[Table]:
     ]
 
 
-def _checks(found: dict[tuple[str, int], list[Seconds]]) -> list[Check]:
+def _checks(table: dict[tuple[str, int], list[Seconds]]) -> list[Check]:
     """Return the checks of all aims that were measured."""
     checks = []
 
@@ -72,16 +72,16 @@ def _checks(found: dict[tuple[str, int], list[Seconds]]) -> list[Check]:
             checks.append(Check(what, aim, median(values), 0, unit, SOURCE, "at most"))
 
     for problem, aim in (("fault problem, 100 m", 1.8), ("fault problem, 50 m", 1.3)):
-        runs = found.get((problem, 1), [])
+        runs = table.get((problem, 1), [])
         add(f"{problem}: whole command over its steps", aim, [run["wall"] / run["steps"] for run in runs], "1")
-    loops = [[sum(run[name] for name in LOOP) for run in found.get(("fault problem, 50 m", n), [])] for n in (1, 2)]
+    loops = [[sum(run[name] for name in LOOP) for run in table.get(("fault problem, 50 m", n), [])] for n in (1, 2)]
     if all(loops):
         speed_up = median(loops[0]) / median(loops[1])
         checks.append(
             Check("fault problem, 50 m: time loop on 1 rank over 2", 1.75, speed_up, 0, "1", SOURCE, "at least")
         )
-    add("impact demo, 2 ranks, figures included", 4.0, [run["wall"] for run in found.get(("impact demo", 2), [])])
-    runs = found.get(("fault problem, 100 m", 1), [])
+    add("impact demo, 2 ranks, figures included", 4.0, [run["wall"] for run in table.get(("impact demo", 2), [])])
+    runs = table.get(("fault problem, 100 m", 1), [])
     add("fault problem, 100 m: command to first step", 1.2, [run["start"] + run["model"] for run in runs])
     add("fault problem, 100 m: figures", 1.5, [run["figures"] for run in runs])
     return checks

@@ -97,8 +97,8 @@ def _of_steps(rows: list[Table]) -> list[Check]:
     """Return the checks of all aims of steps."""
     checks = []
 
-    def at_least(quantity: str, aim: float, found: float, unit: str = "1") -> None:
-        checks.append(Check(quantity, aim, found, 0, unit, SOURCE, "at least"))
+    def at_least(quantity: str, aim: float, value: float, unit: str = "1") -> None:
+        checks.append(Check(quantity, aim, value, 0, unit, SOURCE, "at least"))
 
     for row in rows:
         what = describe(row["dim"], row["order"], row["geometry"], row["nodes"], 1)
@@ -305,9 +305,9 @@ def interface_share(motion: Motion, state: State) -> float:
     """Return the share of the fault in the processor time of steps, with caches as the bodies leave them."""
     plain, inside = FaultStep.__call__, []
 
-    def timed(step: FaultStep, *given: Any) -> float:
+    def timed(step: FaultStep, *value: Any) -> float:
         began = time.process_time()
-        dissipated = plain(step, *given)
+        dissipated = plain(step, *value)
         inside.append(time.process_time() - began)
         return dissipated
 

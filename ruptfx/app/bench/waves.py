@@ -37,8 +37,8 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         ("PMMA, plane strain", PMMA, "strain", (2663.5, 1341.7, 1250.5)),
     ):
         speeds = material.wave_speeds(plane)  # type: ignore[arg-type]
-        for label, value, found in zip(("c_p", "c_s", "c_R"), expected, speeds, strict=True):
-            checks.append(Check(f"{name}: {label}", value, found, 0.1, "m/s", "published constants"))
+        for label, value, result in zip(("c_p", "c_s", "c_R"), expected, speeds, strict=True):
+            checks.append(Check(f"{name}: {label}", value, result, 0.1, "m/s", "published constants"))
     moduli = [TOP.shear_modulus, BOTTOM.shear_modulus]
     for plane, value in (("strain", 1036.2), ("stress", 1031.3)):
         pair = [material.wave_speeds(plane) for material in (TOP, BOTTOM)]  # type: ignore[arg-type]

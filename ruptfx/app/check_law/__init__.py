@@ -87,16 +87,16 @@ def check_law(law: str, changes: Iterable[str] = ()) -> list[Report]:
     plugins = [load(law)] if law.endswith(".py") else []
     with active(plugins):
         defined = plugins[0].classes if plugins else {package: kinds(package) for package in CONTRACTS}
-        found = [(package, kind) for package in CONTRACTS for kind in defined.get(package, {})]
+        items = [(package, kind) for package in CONTRACTS for kind in defined.get(package, {})]
         if not plugins:
-            known = [kind for _, kind in found]
-            found = [(package, kind) for package, kind in found if kind == law]
-            if not found:
+            known = [kind for _, kind in items]
+            items = [(package, kind) for package, kind in items if kind == law]
+            if not items:
                 raise RuptfxError(f"check-law {law}: no file (its name ends with .py), and no kind: "
                                   f"{nearest(law, known)}")  # fmt: skip
-        if not found:
+        if not items:
             raise RuptfxError(f"check-law {law}: defines no class derived from FrictionLaw, CohesiveLaw or Material")
-        return [_report(package, kind, list(changes)) for package, kind in found]
+        return [_report(package, kind, list(changes)) for package, kind in items]
 
 
 def _report(package: str, kind: str, changes: list[str]) -> Report:

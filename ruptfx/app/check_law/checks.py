@@ -38,13 +38,13 @@ def require(holds: ArrayLike, what: str, **where: Any) -> None:
         raise Broken(f"{what}{f' at {shown}' if shown else ''}")
 
 
-def close(found: object, expected: object, tolerance: float, what: str, **where: object) -> None:
+def close(value: object, expected: object, tolerance: float, what: str, **where: object) -> None:
     """Raise an error where two values differ by more than a tolerance relative to the expected one."""
-    found, expected = np.broadcast_arrays(np.asarray(found, float), np.asarray(expected, float))
-    near = np.abs(found - expected) <= tolerance * np.abs(expected)
+    value, expected = np.broadcast_arrays(np.asarray(value, float), np.asarray(expected, float))
+    near = np.abs(value - expected) <= tolerance * np.abs(expected)
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.abs(found - expected) / np.abs(expected)
-    require(near | (found == expected), what, found=found, apart=apart, **where)
+        apart = np.abs(value - expected) / np.abs(expected)
+    require(near | (value == expected), what, found=value, apart=apart, **where)
 
 
 def histories(law: FrictionLaw, seed: int, steps: int = 6) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
@@ -69,12 +69,12 @@ def _sliding(law: FrictionLaw, seed: int) -> tuple[np.ndarray, np.ndarray, dict[
 
 def missing(cls: type[FrictionLaw]) -> list[str]:
     """Return the names of missing attributes of a class."""
-    found = [name for name in ("formula", "source") if not getattr(cls, name)]
-    found += ["a docstring"] * (not cls.summary())
-    found += [f"the unit of state variable {name}" for name, unit in cls.state_fields.items() if not unit]
-    found += [f"a name of its own for state variable {name}" for name in cls.state_fields if name in cls.model_fields]
+    items = [name for name in ("formula", "source") if not getattr(cls, name)]
+    items += ["a docstring"] * (not cls.summary())
+    items += [f"the unit of state variable {name}" for name, unit in cls.state_fields.items() if not unit]
+    items += [f"a name of its own for state variable {name}" for name in cls.state_fields if name in cls.model_fields]
     lengths = [name for name in cls.model_fields if name.startswith(("D_", "L_", "V_")) and unit_of(cls, name) == "1"]
-    return found + [f"the unit of {name}, for example VaryingLength" for name in lengths]
+    return items + [f"the unit of {name}, for example VaryingLength" for name in lengths]
 
 
 def toml(law: FrictionLaw, seed: int) -> None:
@@ -90,10 +90,10 @@ def declared_state(law: FrictionLaw, seed: int) -> None:
     names = ", ".join(law.all_state_fields()) or "nothing"
     state = law.initial_state(sigma, 0.4 * sigma, np.zeros(3))
     kept = {name: np.array(value) for name, value in state.items()}
-    for method, found in (("initial_state", state), ("advance", law.advance(dict(state), rate, sigma, 1e-6))):
-        same = set(found) == set(law.all_state_fields())
-        require(same, f"{method} returns {', '.join(found) or 'nothing'}; state_fields declares {names}")
-        for name, value in found.items():
+    for method, result in (("initial_state", state), ("advance", law.advance(dict(state), rate, sigma, 1e-6))):
+        same = set(result) == set(law.all_state_fields())
+        require(same, f"{method} returns {', '.join(result) or 'nothing'}; state_fields declares {names}")
+        for name, value in result.items():
             scalar = method == "advance" and np.shape(value) == ()
             require(scalar or np.shape(value) == (3,), f"{method}: {name} has shape {np.shape(value)} for 3 points")
             require(np.isfinite(value), f"{method}: {name} is not finite", normal_stress=sigma)
@@ -125,20 +125,20 @@ def strength(law: FrictionLaw, seed: int) -> None:
                 new = law.advance(state, v, s, dt)
                 for name, value in new.items():
                     require(np.isfinite(value + 0 * v), f"{name} is not finite", **where)
-                found = law.strength(v, s, new) + 0 * v
-                require(np.isfinite(found), "strength is not finite", **where)
-                require(found >= 0, "strength is negative", strength=found, **where)
+                result = law.strength(v, s, new) + 0 * v
+                require(np.isfinite(result), "strength is not finite", **where)
+                require(result >= 0, "strength is negative", strength=result, **where)
 
 
 def traced(law: FrictionLaw, seed: int) -> None:
     """Compare the traced formulas with the methods, and their derivatives with finite differences."""
     rate, sigma, state = histories(law, seed)
     dt, where = 1e-7, {"slip_rate": rate, "normal_stress": sigma}
-    found = TracedLaw(law, at_end=True)(rate, sigma, state, dt, speed_before=rate)
+    result = TracedLaw(law, at_end=True)(rate, sigma, state, dt, speed_before=rate)
     after = law.advance(state, rate, sigma, dt)
-    close(found.strength, law.strength(rate, sigma, after) + 0 * rate, 1e-12, "traced strength differs", **where)
+    close(result.strength, law.strength(rate, sigma, after) + 0 * rate, 1e-12, "traced strength differs", **where)
     for name, value in after.items():
-        close(found.state[name], value, 1e-12, f"traced {name} differs", **where)
+        close(result.state[name], value, 1e-12, f"traced {name} differs", **where)
     # Central differences of step h: error h^2 from the third derivative, 1e-16 / h from rounding; h = 1e-5.
     h, at = 1e-5, state | {"normal_stress": 0.9 * sigma}
     last = rate * np.random.default_rng(seed).uniform(0.3, 1.6, len(rate))  # no kink of the extrapolation within h
@@ -182,10 +182,10 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
             # (V_before + V) / 2 or V + (V - V_before) / 2 with V_before = V / 2
             now = (1.25 if at_end else 0.75) * v
             half: Table = {"before": 0.5 * v, "speed_before": 0.5 * v, "extrapolation": 0.5}
-            found = TracedLaw(law, at_end)(v, sigma, state | {"normal_stress": 2 * sigma}, 2e3, **half)
-            close(found.rate_now, now, 1e-12, "slip rate at the traction")
+            result = TracedLaw(law, at_end)(v, sigma, state | {"normal_stress": 2 * sigma}, 2e3, **half)
+            close(result.rate_now, now, 1e-12, "slip rate at the traction")
             after = law.strength(now, sigma, law.advance(state, now, sigma, 1e3))  # half of the step
-            close(found.strength, after, 1e-9, "strength after a long step", slip_rate=now)
+            close(result.strength, after, 1e-9, "strength after a long step", slip_rate=now)
     return None
 
 

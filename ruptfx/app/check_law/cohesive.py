@@ -22,8 +22,8 @@ ANGLES = np.linspace(0, np.pi / 2, 91)  # angle of the jump, scaled with those a
 
 def missing(cls: type[CohesiveLaw]) -> list[str]:
     """Return the names of missing attributes of a class."""
-    found = [name for name in ("formula", "source") if not getattr(cls, name)]
-    return found + ["a docstring"] * (not cls.summary()) + ["area"] * (not hasattr(cls, "area"))
+    items = [name for name in ("formula", "source") if not getattr(cls, name)]
+    return items + ["a docstring"] * (not cls.summary()) + ["area"] * (not hasattr(cls, "area"))
 
 
 def toml(law: CohesiveLaw, seed: int) -> None:
@@ -36,12 +36,12 @@ def toml(law: CohesiveLaw, seed: int) -> None:
 def remaining(law: CohesiveLaw, seed: int) -> None:
     """Check that the remaining strength falls from 1 at damage 0 to 0 at damage 1, with the declared area."""
     damage = np.linspace(0, 1, N + 1)
-    found = np.asarray(law.remaining_fraction(damage) + 0 * damage)
-    require(np.isfinite(found), "remaining_fraction is not finite", damage=damage)
-    close(found[0], 1.0, 1e-12, "remaining_fraction is not 1 at damage 0")
-    require(abs(found[-1]) <= 1e-12, f"remaining_fraction is {found[-1]:.6g}, not 0, at damage 1")
-    require(np.diff(found) <= 1e-12, "remaining_fraction grows with damage", damage=damage[1:])
-    close(np.trapezoid(found, damage), law.area, 1e-6, "area is not the integral of remaining_fraction")
+    values = np.asarray(law.remaining_fraction(damage) + 0 * damage)
+    require(np.isfinite(values), "remaining_fraction is not finite", damage=damage)
+    close(values[0], 1.0, 1e-12, "remaining_fraction is not 1 at damage 0")
+    require(abs(values[-1]) <= 1e-12, f"remaining_fraction is {values[-1]:.6g}, not 0, at damage 1")
+    require(np.diff(values) <= 1e-12, "remaining_fraction grows with damage", damage=damage[1:])
+    close(np.trapezoid(values, damage), law.area, 1e-6, "area is not the integral of remaining_fraction")
 
 
 def fracture_energy(law: CohesiveLaw, seed: int) -> None:
@@ -58,11 +58,11 @@ def damage(law: CohesiveLaw, seed: int) -> None:
     size = np.linspace(0, 3, 301)
     for angle in ANGLES[::15]:
         opening, slip = jump_at(law, angle, size)
-        found = law.damage(opening, slip) + 0 * size
+        result = law.damage(opening, slip) + 0 * size
         where = {"opening": opening, "slip": slip}
-        require(np.isfinite(found), "damage is not finite", **where)
-        require((found >= 0) & (found <= 1), "damage is not between 0 and 1", damage=found, **where)
-        require(np.diff(found) >= -1e-12, "damage falls", opening=opening[1:], slip=slip[1:])
+        require(np.isfinite(result), "damage is not finite", **where)
+        require((result >= 0) & (result <= 1), "damage is not between 0 and 1", damage=result, **where)
+        require(np.diff(result) >= -1e-12, "damage falls", opening=opening[1:], slip=slip[1:])
 
 
 def traced(law: CohesiveLaw, seed: int) -> None:
@@ -78,8 +78,8 @@ def traced(law: CohesiveLaw, seed: int) -> None:
     what = "derivative of remaining_fraction differs"
     require(near.mean() > 0.9, what, damage=at, found=slope, differences=differences)
     jumps = [np.outer(np.linspace(0.1, 1.4, 9), each) for each in jump_at(law, ANGLES, np.ones_like(ANGLES))]
-    (found,) = to_numpy({"damage": record(law.damage, opening, slip)}, ["opening", "slip"])(*jumps)
-    close(found, law.damage(*jumps), 1e-12, "traced damage differs", opening=jumps[0], slip=jumps[1])
+    (result,) = to_numpy({"damage": record(law.damage, opening, slip)}, ["opening", "slip"])(*jumps)
+    close(result, law.damage(*jumps), 1e-12, "traced damage differs", opening=jumps[0], slip=jumps[1])
 
 
 CHECKS: dict[str, Callable[[CohesiveLaw, int], None]] = {

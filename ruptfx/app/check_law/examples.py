@@ -47,8 +47,8 @@ def choices(schema: Table) -> list[Table]:
 
 def folder(schema: Table) -> str | None:
     """Return the folder of alternatives of a field; None for a number, which may be a profile instead."""
-    found = next((item["x-folder"] for item in choices(schema) if "x-folder" in item), None)
-    return None if found == "profiles" else found
+    match = next((item["x-folder"] for item in choices(schema) if "x-folder" in item), None)
+    return None if match == "profiles" else match
 
 
 def flat(schema: Table) -> list[Table]:
@@ -142,7 +142,7 @@ def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool
 
 def tables(cls: type[Part], count: int, change: Callable[[Table], object]) -> list[Table]:
     """Return tables with other numbers each that a class accepts after a change; without any, the first ones."""
-    first, found = [], []
+    first, result = [], []
     for seed in range(200):
         values = table(cls, seed)
         change(values)
@@ -151,9 +151,9 @@ def tables(cls: type[Part], count: int, change: Callable[[Table], object]) -> li
             cls.model_validate(copy.deepcopy(values))
         except (CaseError, ValidationError):
             continue
-        found.append(values)
-        if len(found) == count:
-            return found
+        result.append(values)
+        if len(result) == count:
+            return result
     return first[:count]
 
 

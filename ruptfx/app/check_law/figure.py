@@ -86,8 +86,8 @@ def draw_cohesive(law: CohesiveLaw) -> Figure:
         ax.plot(1e6 * jump[name == "slip"], 1e-6 * remaining, color=colour)
         ax.set(xlabel=f"Inelastic {name} (µm)", ylabel=label, xlim=(0, None), ylim=(0, None))
     works = np.array([straight_path(law, angle, LONGEST)[1:] for angle in ANGLES])
-    taken = works @ [1 / law.G_Ic, 1 / law.G_IIc]
-    axes[2].plot(np.degrees(ANGLES), taken, color="#1a1a1a", label=f"at most {taken.max():.2f}")
+    result = works @ [1 / law.G_Ic, 1 / law.G_IIc]
+    axes[2].plot(np.degrees(ANGLES), result, color="#1a1a1a", label=f"at most {result.max():.2f}")
     axes[2].axhline(1, color=MUTED, lw=0.6, ls=":")
     axes[2].set(xlabel="Mix of modes (degree)", xlim=(0, 90), ylim=(0, None))
     axes[2].set_ylabel(r"$W_I / G_{Ic} + W_{II} / G_{IIc}$ at failure")
@@ -123,8 +123,8 @@ def draw_material(material: Material) -> Figure:
                 if law is None:
                     stress.append(elastic(material, np.stack(list(parts.values())))[COMPONENTS.index(part), 0])
                 else:
-                    found, state = law.evaluate(parts, state, period / 400)
-                    stress.append(found[part][0])
+                    result, state = law.evaluate(parts, state, period / 400)
+                    stress.append(result[part][0])
             axis.plot(cycle * 1e3, np.array(stress) / 1e6, color=colour, label=f"period {period:g} s")
         axis.set(xlabel=f"{name} strain (0.001)", ylabel="Stress (MPa)")
     axes[0].legend()

@@ -90,9 +90,9 @@ def starts_elastic(material: Material, seed: int) -> str | None:
     if not material.has_memory():
         return "its stress follows from its energy"
     strain = path(seed)[0][-1]
-    found, _ = material.stress(Tensor(*strain), started(material), 0.0)
+    result, _ = material.stress(Tensor(*strain), started(material), 0.0)
     expected = elastic(material, strain)
-    apart = np.abs(np.array([x + 0 * strain[0] for x in found.components]) - expected).max(axis=0)
+    apart = np.abs(np.array([x + 0 * strain[0] for x in result.components]) - expected).max(axis=0)
     require(apart <= 1e-9 * scale(material, strain[None]), "stress with dt = 0 is not elastic", apart=apart)
     energy = material.stored(Tensor(*strain), started(material)) - material.stored(Tensor(), started(material))
     work = 0.5 * Tensor(*strain).dot(Tensor(*expected))
@@ -119,11 +119,11 @@ def repeats(material: Material, seed: int) -> str | None:
 
 
 def _numbers(state: Packed) -> Values:
-    found: Values = {}
+    numbers: Values = {}
     for name, value in state.items():
         parts = zip(COMPONENTS, value.components, strict=True) if isinstance(value, Tensor) else [("", value)]
-        found |= {f"{name}_{part}": np.asarray(number) + np.zeros(N) for part, number in parts}
-    return found
+        numbers |= {f"{name}_{part}": np.asarray(number) + np.zeros(N) for part, number in parts}
+    return numbers
 
 
 def tracing(material: Material, seed: int) -> str | None:
@@ -137,9 +137,9 @@ def tracing(material: Material, seed: int) -> str | None:
         named = dict(zip(COMPONENTS, strain, strict=True))
         before = numbers
         stress, state = material.stress(Tensor(*strain), state, dt)
-        found, numbers = law.evaluate(named, numbers, dt)
+        items, numbers = law.evaluate(named, numbers, dt)
         for name, expected in zip(COMPONENTS, stress.components, strict=True):
-            require(np.abs(found[name] - expected) <= 1e-10 * unit, f"traced stress {name} differs", found=found[name])
+            require(np.abs(items[name] - expected) <= 1e-10 * unit, f"traced stress {name} differs", found=items[name])
     tangent, smallest = law.tangent(named, before, dt), 1e-6 * np.abs(strains).max(axis=(0, 1))
     for column, name in enumerate(COMPONENTS):
         high, low = (law.evaluate({**named, name: named[name] + s * smallest}, before, dt)[0] for s in (1, -1))
@@ -203,8 +203,8 @@ def indifferent(material: Material, seed: int) -> str | None:
         matrix = _matrix(strain)
         turned = np.einsum("ij,jkn,lk->iln", turn, matrix, turn)
         results = []
-        for place, given in enumerate((strain, _components(turned))):
-            stress, states[place] = material.stress(Tensor(*given), states[place], dt)
+        for place, values in enumerate((strain, _components(turned))):
+            stress, states[place] = material.stress(Tensor(*values), states[place], dt)
             results.append(_matrix(np.array([x + np.zeros(N) for x in stress.components])))
     apart = np.abs(np.einsum("ij,jkn,lk->iln", turn, results[0], turn) - results[1]).max(axis=(0, 1))
     require(apart <= 1e-8 * scale(material, strains), "the stress depends on the direction", apart=apart)

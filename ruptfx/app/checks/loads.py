@@ -14,14 +14,14 @@ LONG_AFTER = 100  # times the duration of the run: samples that end later are pr
 
 def load_rows(case: Case) -> Iterator[Row]:
     """Yield the number of samples of boundaries in time, and the range that the run uses."""
-    given = [("boundaries", case.boundaries, case.duration)]
+    items = [("boundaries", case.boundaries, case.duration)]
     if case.stages:
-        given = [
+        items = [
             ("boundaries", case.boundaries, stage.duration) if stage.boundaries is None else
             (f"stages.{number}.boundaries", stage.boundaries, stage.duration)
             for number, stage in enumerate(case.stages)
         ]  # fmt: skip
-    for key, boundaries, end in given:
+    for key, boundaries, end in items:
         for number, boundary in enumerate(boundaries):
             if boundary.samples is not None:
                 yield _samples_row(f"{key}.{number}: samples", boundary, boundary.samples, end)

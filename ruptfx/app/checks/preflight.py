@@ -138,22 +138,22 @@ def _pairing(model: Model, fault: Fault) -> Row:
 
 def _cost(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Iterator[Row]:
     """Yield memory, files and time of the whole command, from a rehearsal."""
-    found, there = rehearse(model, motion, steps, started, built), available()
-    if there is None or found.memory < there:
-        yield Row("memory", found.memory / 1e6, "MB", "of one rank; more ranks share the mesh")
+    result, there = rehearse(model, motion, steps, started, built), available()
+    if there is None or result.memory < there:
+        yield Row("memory", result.memory / 1e6, "MB", "of one rank; more ranks share the mesh")
     else:
         note = f"{there / 1e6:.0f} MB are free here: take a larger mesh.element_size, or another machine"
-        yield Row("memory", found.memory / 1e6, "MB", note, "error")
+        yield Row("memory", result.memory / 1e6, "MB", note, "error")
     if steps is None:
-        yield Row("time of a step", found.step, "s", "processor time on one rank; how many there are is not known")
+        yield Row("time of a step", result.step, "s", "processor time on one rank; how many there are is not known")
         return
     free = shutil.disk_usage(".").free
     smaller = ", before compression" * bool(model.case.output.bulk_compression)
     note = f"on disk, without checkpoints{smaller}; {free / 1e9:.3g} GB are free here"
-    yield Row("files", found.disk / 1e6, "MB", note, "ok" if found.disk < free else "warning")
-    parts = f"{steps} steps of {found.step:.3g} s, records and pictures; processor time on one rank"
+    yield Row("files", result.disk / 1e6, "MB", note, "ok" if result.disk < free else "warning")
+    parts = f"{steps} steps of {result.step:.3g} s, records and pictures; processor time on one rank"
     parts += "; stop_when may end it before" * (model.case.stop_when is not None)
-    yield Row("expected run time", found.time, "s", parts)
+    yield Row("expected run time", result.time, "s", parts)
 
 
 def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:

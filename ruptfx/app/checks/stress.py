@@ -81,10 +81,10 @@ def _edges(model: Model, stress: BodyStress) -> Iterator[Row]:
         middle = fem.dolfinx.mesh.compute_midpoints(model.mesh, dim - 1, edge.facets)[:, :dim]
         whole = matrices(stress.effective(middle)) - stress.pore_pressure(middle)[:, None, None] * np.eye(3)
         corner = np.linalg.norm(np.einsum("nij,nj->ni", whole[:, :dim, :dim], edge.normals()), axis=1)
-        found = float(corner.max(initial=0.0))
-        if found > BALANCED * largest:
+        value = float(corner.max(initial=0.0))
+        if value > BALANCED * largest:
             note = "no boundary acts on it: it keeps this traction of the bodies"
-            yield Row(f"{name}: initial load", found, "Pa", note)
+            yield Row(f"{name}: initial load", value, "Pa", note)
 
 
 def _yield(model: Model) -> Iterator[Row]:

@@ -30,9 +30,9 @@ def show(
         pairs = compare_with_file(record, file, instrument, channel, most, shift, lambda name: channels(record, name))
     table = Table("channel", "misfit", "best time shift", "misfit then", "measured/computed", box=None, pad_edge=False)
     for pair in pairs.values():
-        found = pair.result
-        table.add_row(pair.label, _percent(found.misfit), with_prefix(found.shift, "s") if found.shift else "0",
-                      _percent(found.shifted), f"{found.ratio:.3g}")  # fmt: skip
+        result = pair.result
+        table.add_row(pair.label, _percent(result.misfit), with_prefix(result.shift, "s") if result.shift else "0",
+                      _percent(result.shifted), f"{result.ratio:.3g}")  # fmt: skip
     screen.print(table)
     if opposite := [pair.label for pair in pairs.values() if pair.result.ratio < 0]:
         screen.print(
@@ -69,19 +69,19 @@ def overlay(pairs: list[Pair], measured: str) -> Figure:
             both = np.concatenate([pair.computed, pair.measured])
             size, unit = (0.01, "%") if pair.unit == "1" else (
                 scale(both, pair.unit) if known_unit(pair.unit) else (1.0, pair.unit))  # fmt: skip
-            found = pair.result
+            result = pair.result
             label = f"measured: {measured}"
             ax.plot(pair.measured_time / t_size, pair.measured / size, color=MUTED, lw=2.0, label=label)
             ax.plot(pair.computed_time / t_size, pair.computed / size, color="#c1440e", label="computed")
-            if found.shift:
-                late = (pair.computed_time + found.shift) / t_size
+            if result.shift:
+                late = (pair.computed_time + result.shift) / t_size
                 delayed = "computed, at the best time shift"
                 ax.plot(late, pair.computed / size, "--", color="#1a1a1a", lw=0.8, label=delayed)
-            first = min(pair.computed_time[0], pair.computed_time[0] + found.shift)
+            first = min(pair.computed_time[0], pair.computed_time[0] + result.shift)
             ax.set_xlim(first / t_size, pair.computed_time[-1] / t_size)
             ax.set_ylabel(f"{pair.label} ({unit})".replace(pair.label[0], pair.label[0].upper(), 1))
-            then = f"; {_percent(found.shifted)} at {with_prefix(found.shift, 's')}".replace("us", "µs")
-            ax.set_title(f"misfit {_percent(found.misfit)}{then if found.shift else ''}", loc="right")
+            then = f"; {_percent(result.shifted)} at {with_prefix(result.shift, 's')}".replace("us", "µs")
+            ax.set_title(f"misfit {_percent(result.misfit)}{then if result.shift else ''}", loc="right")
         for ax in axes.ravel()[: len(shown)][-columns:]:
             ax.set_xlabel(f"Time ({t_unit})")
             ax.tick_params(labelbottom=True)

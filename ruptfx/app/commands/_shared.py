@@ -56,13 +56,13 @@ def keys(context: typer.Context, incomplete: str) -> list[str]:
     path = first_given(context, "case")
     if path is None or "=" in incomplete:
         return []
-    found = set[str]()
+    result = set[str]()
     with suppress(RuptfxError):
         table = read_toml(Path(path))
-        found.update(dotted_keys(table))
+        result.update(dotted_keys(table))
         if "plugins" not in table:  # whose code must not run at a Tab
-            found.update(dotted_keys(read_case(path)))
-    return sorted(f"{key}=" for key in found if key.startswith(incomplete))
+            result.update(dotted_keys(read_case(path)))
+    return sorted(f"{key}=" for key in result if key.startswith(incomplete))
 
 
 Overrides = Annotated[
@@ -117,9 +117,9 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
             os._exit(error.exit_code)
         raise typer.Exit(error.exit_code) from None
     except SystemExit as left:
-        if (found := plugins.exit_error(left)) is None:
+        if (exit_error := plugins.exit_error(left)) is None:
             raise
-        _print_error("case error", found)
+        _print_error("case error", exit_error)
         if comm is not None and comm.size > 1:
             _end_all(comm)
         raise typer.Exit(EXIT_ERROR) from None
@@ -200,13 +200,13 @@ def _end_all(comm: MPI.Comm) -> None:
 @contextmanager
 def _name_plugin(path: Path) -> Iterator[list[str]]:
     """Name a plug-in on standard error: its file before its code runs, then its definitions."""
-    told = list[str]()
+    report = list[str]()
     sys.stderr.write(f"plug-in {shlex.quote(str(path))}")
     sys.stderr.flush()
     try:
-        yield told
+        yield report
     finally:
-        sys.stderr.write("".join(f": {text}" for text in told) + "\n")
+        sys.stderr.write("".join(f": {text}" for text in report) + "\n")
         sys.stderr.flush()
 
 
@@ -235,16 +235,16 @@ def runs(incomplete: str) -> list[str]:
     """Return run and study directories that begin with the typed text, and folders that lead to some."""
     parent, _, start = incomplete.rpartition("/")
     folder = Path(parent or ("/" if incomplete.startswith("/") else "."))
-    found = []
+    items = []
     with suppress(OSError):
         for path in sorted(folder.iterdir()):
             if path.name.startswith(start) and not path.name.startswith(".") and path.is_dir():
                 shown = incomplete[: len(incomplete) - len(start)] + path.name
                 if _is_run(path):
-                    found.append(shown)
+                    items.append(shown)
                 elif any(map(_is_run, path.iterdir())):
-                    found.append(shown + "/")
-    return [each for one in found for each in (runs(one) if one.endswith("/") and len(found) == 1 else [one])]
+                    items.append(shown + "/")
+    return [each for one in items for each in (runs(one) if one.endswith("/") and len(items) == 1 else [one])]
 
 
 def _is_run(path: Path) -> bool:
@@ -254,12 +254,12 @@ def _is_run(path: Path) -> bool:
 def runs_and_files(incomplete: str) -> list[str]:
     """Return the same with CSV files."""
     parent, _, start = incomplete.rpartition("/")
-    found = runs(incomplete)
+    result = runs(incomplete)
     with suppress(OSError):
         for path in sorted(Path(parent or ".").iterdir()):
             if path.name.startswith(start) and path.suffix.lower() in (".csv", ".txt", ".dat"):
-                found.append(incomplete[: len(incomplete) - len(start)] + path.name)
-    return found
+                result.append(incomplete[: len(incomplete) - len(start)] + path.name)
+    return result
 
 
 def completed_from(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:

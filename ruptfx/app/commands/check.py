@@ -81,13 +81,13 @@ def _print(rows: list[Row], notes: list[str], title: str) -> None:
 
 def merged(rows: list[Row]) -> list[Row]:
     """Return the rows with those of bodies that say the same as one: "upper, lower: c_p"."""
-    found: dict[Row, list[str]] = {}
+    entries: dict[Row, list[str]] = {}
     for row in rows:
         owner, colon, what = row.quantity.partition(": ")
-        found.setdefault(replace(row, quantity=what if colon else row.quantity), []).append(owner if colon else "")
+        entries.setdefault(replace(row, quantity=what if colon else row.quantity), []).append(owner if colon else "")
     return [
         replace(row, quantity=f"{listed(list(dict.fromkeys(owners)))}: {row.quantity}" if owners[0] else row.quantity)
-        for row, owners in found.items()
+        for row, owners in entries.items()
     ]
 
 

@@ -241,7 +241,7 @@ def overlay(one: Record, other: Record) -> Figure:
 
     arrivals = [(data.position, data.rupture_time) for data in both]
     rates = [(data.time, field(data, "slip_rate").sel(position=at, method="nearest")) for data in both]
-    given = [
+    items = [
         ("Rupture time", "s", profile, arrivals),
         ("Slip at the end", "m", profile, last("slip")),
         ("Slip rate", "m/s", history, rates),
@@ -254,8 +254,8 @@ def overlay(one: Record, other: Record) -> Figure:
     def has_values(curves: list[tuple[DataArray, DataArray]]) -> bool:
         return any(np.nan_to_num(values.values).any() for _, values in curves)
 
-    shown = [panel(*each) for each in given if has_values(each[3])]
-    shown = shown or [panel(*each) for each in instead if has_values(each[3])] or [panel(*given[1])]
+    shown = [panel(*each) for each in items if has_values(each[3])]
+    shown = shown or [panel(*each) for each in instead if has_values(each[3])] or [panel(*items[1])]
 
     @styled
     def draw() -> Figure:

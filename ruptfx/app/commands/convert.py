@@ -31,15 +31,15 @@ def convert(
 
         case = out or file.with_suffix(".toml")
         mesh = case.with_suffix(".msh")
-        found = convert_file(file, mesh.name, without or ())
-        for path in (case, mesh) if found.mesh else (case,):
+        result = convert_file(file, mesh.name, without or ())
+        for path in (case, mesh) if result.mesh else (case,):
             if path.exists():
                 raise RuptfxError(f"{path}: exists already; choose another --out, or remove it")
-        parse_case(load_toml(found.text))
+        parse_case(load_toml(result.text))
         with writing(case.parent, [file]) as files:
-            (files.place / case.name).write_text(found.text, encoding="utf-8")
-            if found.mesh:
-                (files.place / mesh.name).write_text(found.mesh, encoding="utf-8")
-        for note in found.notes:
+            (files.place / case.name).write_text(result.text, encoding="utf-8")
+            if result.mesh:
+                (files.place / mesh.name).write_text(result.mesh, encoding="utf-8")
+        for note in result.notes:
             screen.print(note, markup=False, highlight=False, soft_wrap=True)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)

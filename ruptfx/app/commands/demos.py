@@ -34,11 +34,11 @@ def demos(
             raise RuptfxError(f"{out}: exists already; give another directory: ruptfx demos DIRECTORY")
         if notebooks:
             need_jupytext()
-        given = Path(ruptfx.__file__).with_name("demos")
+        name = Path(ruptfx.__file__).with_name("demos")
         with writing(out) as files:
-            for file in filter(Path.is_file, given.iterdir()):
+            for file in filter(Path.is_file, name.iterdir()):
                 shutil.copy(file, files.place)
-            shutil.copytree(given / "plugins", files.place / "plugins", ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(name / "plugins", files.place / "plugins", ignore=shutil.ignore_patterns("__pycache__"))
             if schema:
                 write_schema(files.place)
                 for case in sorted(files.place.glob("*.toml")):

@@ -142,7 +142,7 @@ def _draw(data: xarray.Dataset, path: Path) -> None:
         unit = data.x.attrs["units"]
         size, axis_unit = scale(float(max(data.x[-1], data.y[-1])), unit) if unit == "m" else (1.0, unit)
         tall = min(2.7 * data.sizes["y"] / data.sizes["x"], 4.0)
-        found, axes = new_figure(3, 2, 3 * tall + 1.4, sharex=True, sharey=True)
+        result, axes = new_figure(3, 2, 3 * tall + 1.4, sharex=True, sharey=True)
         for ax, name in zip(axes.ravel(), names, strict=True):
             values, label = data[name].values, name.replace("_", " ").capitalize()
             if name.startswith("strain"):
@@ -158,14 +158,14 @@ def _draw(data: xarray.Dataset, path: Path) -> None:
                 data.x / size, data.y / size, values / part, vmin=low, vmax=high, cmap="viridis", rasterized=True
             )
             text = label if printed == "1" else f"{label} ({printed})"
-            found.colorbar(shown, ax=ax, label=text, extend="both", shrink=0.8, aspect=14)
+            result.colorbar(shown, ax=ax, label=text, extend="both", shrink=0.8, aspect=14)
             ax.set_aspect("equal")
         for ax in axes[-1]:
             ax.set_xlabel(f"x ({axis_unit})")
         for ax in axes[:, 0]:
             ax.set_ylabel(f"y ({axis_unit})")
         letter(axes.ravel())
-        remark(found, f"Grey: lost subsets, with a correlation below {data.attrs['least']:g}.")
-        return found
+        remark(result, f"Grey: lost subsets, with a correlation below {data.attrs['least']:g}.")
+        return result
 
     figure().savefig(path, dpi=200)

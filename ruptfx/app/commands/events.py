@@ -77,14 +77,14 @@ def _of_catalogue(
     from ruptfx.results.catalogue_statistics import catalogue_statistics
 
     least = -math.inf if smallest is None else smallest
-    found = read_catalogue(path).seismic(least)
+    seismic = read_catalogue(path).seismic(least)
     if link is not None:
-        found = clusters(found, *link).events.seismic(least)
-    estimates = estimate(found, completeness, distances, failure_time)
-    screen.print(f"{len(found)} {'clusters of events' if link else 'events'} that radiate energy")
+        seismic = clusters(seismic, *link).events.seismic(least)
+    estimates = estimate(seismic, completeness, distances, failure_time)
+    screen.print(f"{len(seismic)} {'clusters of events' if link else 'events'} that radiate energy")
     _show({"": estimates})
-    if len(found):
-        catalogue_statistics(found, estimates.b, estimates.D, estimates.p, failure_time).savefig(out, dpi=150)
+    if len(seismic):
+        catalogue_statistics(seismic, estimates.b, estimates.D, estimates.p, failure_time).savefig(out, dpi=150)
 
 
 def _of_run(
@@ -99,20 +99,20 @@ def _of_run(
 
     with Record(run) as record:
         least = SMALLEST if smallest is None else smallest
-        found = emission_of(record, least, completeness, distances, failure_time, link)
-        early = "" if found.failure_time is None else f", {found.before.sum()} of them until {found.failure_time:.4g} s"
-        screen.print(f"Failed facets: {len(found.events)}{early}; clusters: {len(found.linked)}", soft_wrap=True)
-        shares = ", ".join(f"{name} {share:.1%}" for name, share in found.shares.items())
-        modes = f": {shares}" if len(found.seismic) else ""
-        within = "" if found.failure_time is None else " until then"
-        screen.print(f"Events of magnitude {least:g} or more{within}: {len(found.seismic)}{modes}", soft_wrap=True)
-        if found.failure_time is not None and len(found.seismic):
-            windows = ", ".join(f"{share:.1%} until {part:.0%}" for part, share in found.tensile_shares.items())
+        value = emission_of(record, least, completeness, distances, failure_time, link)
+        early = "" if value.failure_time is None else f", {value.before.sum()} of them until {value.failure_time:.4g} s"
+        screen.print(f"Failed facets: {len(value.events)}{early}; clusters: {len(value.linked)}", soft_wrap=True)
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in value.shares.items())
+        modes = f": {shares}" if len(value.seismic) else ""
+        within = "" if value.failure_time is None else " until then"
+        screen.print(f"Events of magnitude {least:g} or more{within}: {len(value.seismic)}{modes}", soft_wrap=True)
+        if value.failure_time is not None and len(value.seismic):
+            windows = ", ".join(f"{share:.1%} until {part:.0%}" for part, share in value.tensile_shares.items())
             screen.print(f"Tensile share by window: {windows} of the time of failure")
-        _show({"events": found.of_events, "clusters": Estimates(found.of_clusters, None, None)})
+        _show({"events": value.of_events, "clusters": Estimates(value.of_clusters, None, None)})
         if table is not None:
             record.events.to_dataframe().to_csv(table, index_label="event")
-        save(emission(record, found=found).figure, out, out.suffix[1:])
+        save(emission(record, found=value).figure, out, out.suffix[1:])
 
 
 def _show(estimates: dict[str, Estimates]) -> None:

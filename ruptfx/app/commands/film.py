@@ -23,10 +23,10 @@ def cameras(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names of the cameras of the run that begin with the typed text, for completion."""
     from ruptfx.results.record import Record
 
-    found: list[str] = []
+    items: list[str] = []
     with suppress(RuptfxError), Record(Path(first_given(context, "run") or "")) as record:
-        found += [str(table.get("name")) for table in record.case.get("cameras", [])]
-    return [name for name in found if name.startswith(incomplete)]
+        items += [str(table.get("name")) for table in record.case.get("cameras", [])]
+    return [name for name in items if name.startswith(incomplete)]
 
 
 def film(
@@ -75,12 +75,12 @@ def _table(text: str) -> dict[str, object]:
     from ruptfx.input.schema import CaseError, load_toml
 
     try:
-        found = load_toml(f"camera = {text}")["camera"]
+        camera = load_toml(f"camera = {text}")["camera"]
     except CaseError as error:
         raise RuptfxError(f"--camera {text}: {error}") from None
-    if not isinstance(found, dict):
+    if not isinstance(camera, dict):
         raise RuptfxError(f"--camera {text}: is no table; write one in braces, or the name of a camera")
-    return {"name": "camera", **found}
+    return {"name": "camera", **camera}
 
 
 def _write(frames: xarray.DataArray, camera: Camera, folder: Path, rate: float) -> None:

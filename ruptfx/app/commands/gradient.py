@@ -58,7 +58,7 @@ def gradient(
                 files.claim("case.toml", "gradient.nc", "gradient.png")
 
         parallel.on_root(comm, claim)  # before the runs
-        found = differentiate(parsed, comm=comm, progress=not quiet, memory=1e9 * memory, check=check,
+        result = differentiate(parsed, comm=comm, progress=not quiet, memory=1e9 * memory, check=check,
                               cores=cores, scheduler=scheduler)  # fmt: skip
 
         def write() -> None:
@@ -68,17 +68,17 @@ def gradient(
 
             with writing(out, [case], overwrite) as files:
                 parsed.save(files.place)
-                write_netcdf(found, files.place / "gradient.nc")
-                save(draw(found), files.place / "gradient.png", "png")
+                write_netcdf(result, files.place / "gradient.nc")
+                save(draw(result), files.place / "gradient.png", "png")
             if check:
-                _warn(found)
+                _warn(result)
             if quiet:
                 return
-            unit = found["objective"].attrs["units"]
-            screen.print(f"objective: {float(found['objective']):.6g} {unit if unit != '1' else ''}", style="bold")
+            unit = result["objective"].attrs["units"]
+            screen.print(f"objective: {float(result['objective']):.6g} {unit if unit != '1' else ''}", style="bold")
             differences = ["by differences"] * check
             table = Table("unknown", "by a uniform change", *differences, "unit", box=None, pad_edge=False)
-            for values in found.data_vars.values():
+            for values in result.data_vars.values():
                 if "unknown" in values.attrs:
                     numbers = [f"{values.attrs['uniform_change']:.6g}"]
                     if check:
@@ -86,7 +86,7 @@ def gradient(
                         numbers.append("" if other is None else f"{other:.6g}")
                     table.add_row(values.attrs["unknown"], *numbers, values.attrs["units"])
             screen.print(table)
-            screen.print(found.attrs["history"], highlight=False)
+            screen.print(result.attrs["history"], highlight=False)
             screen.print(f"Files: {out / 'gradient.nc'}, {out / 'gradient.png'}", soft_wrap=True)
 
         parallel.on_root(comm, write)

@@ -79,7 +79,7 @@ def infer(
                 f"iterations, {len(made.runs)} runs, {made.reason}", style="bold", soft_wrap=True
             )  # fmt: skip
             table = Table("unknown", "case", "recovered", "68 %", "unit", "", box=None, pad_edge=False)
-            for each, bounds in zip(made.unknowns, (given.bounds for given in made.case.unknowns), strict=True):
+            for each, bounds in zip(made.unknowns, (value.bounds for value in made.case.unknowns), strict=True):
                 first, last = float(each.start.mean()), float(each.best.mean())
                 best, interval = f"{last:.6g}", ""
                 if each.interval is not None:
@@ -138,15 +138,15 @@ def _fitted(parsed: Case | LumpedModel, ranks: int, out: Path, quiet: bool) -> b
         if ranks > 1:
             raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
         with Progress(not quiet) as progress:
-            found = simulate(parsed, out, progress.update, resume=out.exists())
+            result = simulate(parsed, out, progress.update, resume=out.exists())
         if not quiet:
-            table = Table("unknown", "recovered", f"{100 * found.attrs['confidence']:g} %", "unit", box=None,
+            table = Table("unknown", "recovered", f"{100 * result.attrs['confidence']:g} %", "unit", box=None,
                           pad_edge=False)  # fmt: skip
-            for name in found.data_vars:
-                if f"{name}_low" in found:
-                    low, high = (float(found[f"{name}_{end}"]) for end in ("low", "high"))
-                    unit = found[name].attrs["units"]
-                    table.add_row(str(name), f"{float(found[name]):.6g}", f"{low:.6g} to {high:.6g}", unit)
+            for name in result.data_vars:
+                if f"{name}_low" in result:
+                    low, high = (float(result[f"{name}_{end}"]) for end in ("low", "high"))
+                    unit = result[name].attrs["units"]
+                    table.add_row(str(name), f"{float(result[name]):.6g}", f"{low:.6g} to {high:.6g}", unit)
             screen.print(table)
             screen.print(f"Files: {out} (result.nc, summary.json, figures)", soft_wrap=True)
     return True

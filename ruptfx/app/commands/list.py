@@ -34,16 +34,16 @@ def list(
 
         studies = [path.parent for path in directory.rglob("study.json") if (path.parent / "points").is_dir()]
         of_studies = {study / "points" for study in studies}
-        found = sorted(path.parent for path in directory.rglob("case.toml")
+        items = sorted(path.parent for path in directory.rglob("case.toml")
                        if NEW not in path.parts and of_studies.isdisjoint(path.parents))  # fmt: skip
-        if not found and not studies:
+        if not items and not studies:
             raise RuptfxError(f"{directory}: no runs below it; give the directory that holds them")
         first = Column("run", overflow="fold")
         table = Table(first, "status", "mode", "checkpoint", "size", "title", box=None, pad_edge=False)
         for study in sorted(studies):
             table.add_row(str(study), *_study_row(study))
         damages = []
-        for run in found:
+        for run in items:
             row, damage = _row(run, quick)
             table.add_row(str(run), *row)
             damages += [damage] * bool(damage)
@@ -64,10 +64,10 @@ def _study_row(study: Path) -> tuple[str, str, str, str, str]:
 def _json(path: Path) -> Tables:
     """Return the table of a JSON file, empty if it is damaged."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        table = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return table if isinstance(table, dict) else {}
 
 
 def _row(run: Path, quick: bool) -> tuple[tuple[str, str, str, str, str], str]:
@@ -97,12 +97,12 @@ def _newest(run: Path) -> str:
 
 def _size(run: Path) -> int:
     """Return the bytes of all files; hard links count once."""
-    found = {}
+    entries = {}
     for path in run.rglob("*"):
         with suppress(OSError):  # removed by another process
             status = path.lstat()
-            found[status.st_dev, status.st_ino] = status.st_size if S_ISREG(status.st_mode) else 0
-    return sum(found.values())
+            entries[status.st_dev, status.st_ino] = status.st_size if S_ISREG(status.st_mode) else 0
+    return sum(entries.values())
 
 
 def _status(run: Path, complete: bool) -> str:

@@ -70,9 +70,9 @@ def new(
         source = DEMOS / f"{from_}.toml"
         case = name if name.suffix == ".toml" else Path(f"{name}.toml")
         files = [DEMOS / file for file in re.findall(r'^file = "([^"]+)"', source.read_text(), re.MULTILINE)]
-        taken = [path for path in (case, *(case.parent / file.name for file in files)) if os.path.lexists(path)]
-        if taken:
-            raise RuptfxError(f"{taken[0]}: exists already; choose another name, or remove it")
+        items = [path for path in (case, *(case.parent / file.name for file in files)) if os.path.lexists(path)]
+        if items:
+            raise RuptfxError(f"{items[0]}: exists already; choose another name, or remove it")
         text = source.read_text().replace(f"demos/{from_}.toml", str(case))
         if materials is not None:
             text = with_materials(text, materials.replace(",", " ").split(), from_)
@@ -102,10 +102,10 @@ def with_materials(text: str, names: list[str], demo: str) -> str:
         if name not in LIBRARY:
             raise RuptfxError(f"--materials {name}: {nearest(name, list(LIBRARY))}")
     tables = load_toml(text)
-    given = tables.get("materials")
-    if not isinstance(given, dict):
+    materials = tables.get("materials")
+    if not isinstance(materials, dict):
         raise RuptfxError(f"--materials: the demo {demo} has no bodies with materials")
-    bodies = {"two_plates": ("upper", "lower")}.get(tables["mesh"]["kind"], tuple(given))
+    bodies = {"two_plates": ("upper", "lower")}.get(tables["mesh"]["kind"], tuple(materials))
     if len(names) == 1:
         chosen = [("default", names[0])]
     elif len(names) == len(bodies):

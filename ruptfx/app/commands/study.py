@@ -36,14 +36,14 @@ def study(
 
         out = out or Path("studies") / file.stem
         parsed = read_study(file, set_ or [])
-        found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet,
+        values = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet,
                           overwrite=overwrite)  # fmt: skip
-        screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
-        for point, result in [each for each in found.points if each[1]["status"] == "failed"][:SHOWN]:
+        screen.print(f"{len(values.points)} points, {values.failed} failed, {values.known_before} known before")
+        for point, result in [each for each in values.points if each[1]["status"] == "failed"][:SHOWN]:
             place = ", ".join(f"{name} = {value}" for name, value in point.coordinates.items())
             screen.print(f"failed: {place}: {result['error']}", style="red", soft_wrap=True)
         if refine:
             screen.print(json.loads((out / "refinement.json").read_text())["summary"])
-        screen.print(f"Study directory: {out} ({', '.join(path.name for path in found.files)})", soft_wrap=True)
-        if found.failed == len(found.points):
+        screen.print(f"Study directory: {out} ({', '.join(path.name for path in values.files)})", soft_wrap=True)
+        if values.failed == len(values.points):
             raise typer.Exit(EXIT_ERROR)

@@ -107,14 +107,14 @@ class View:
             raise RuptfxError(f"{key} is a line, and the format is for surfaces in 3D; use --format csv")
         points = np.stack([data[axis].values for axis in "xyz"], axis=1)
         columns = np.stack([data["position"].values, data["dip"].values, np.ones(len(points))], axis=1)
-        found, *_ = np.linalg.lstsq(columns, points, rcond=None)
+        result, *_ = np.linalg.lstsq(columns, points, rcond=None)
         extent = float(np.ptp(points, axis=0).max())
-        apart = float(np.abs(columns @ found - points).max())
+        apart = float(np.abs(columns @ result - points).max())
         if apart > FLAT * extent:
             raise RuptfxError(
                 f"{key} is up to {apart:.3g} m off a plane, and the format is for planes; use --format netcdf"
             )
-        first, second = found[0], found[1]
+        first, second = result[0], result[1]
         normal = np.cross(first, second)  # from the minus to the plus body
         if np.hypot(*normal[:2]) < STEEP:
             raise RuptfxError(

@@ -172,7 +172,7 @@ def _snapshots(bulk: xarray.Dataset) -> Iterator[tuple[float, Snapshot]]:
 
 def _moving(data: xarray.Dataset, number: int) -> Snapshot:
     """Return fields at one time: vectors of three components, tensors of six."""
-    found = {}
+    entries = {}
     for key, field in data.data_vars.items():
         if field.dims[:1] != ("time",) or field.ndim < 2:
             continue
@@ -181,8 +181,8 @@ def _moving(data: xarray.Dataset, number: int) -> Snapshot:
             values = _three(values, list(data["component"].values))
         elif "stress_component" in field.dims:
             values = _tensor(values, list(data["stress_component"].values))
-        found[str(key)] = values
-    return found
+        entries[str(key)] = values
+    return entries
 
 
 def _three(values: np.ndarray, names: list[str] | None = None) -> np.ndarray:

@@ -68,11 +68,11 @@ def _draw_bodies(axes: Axes, raw: RawMesh) -> None:
     axes.autoscale_view()
 
 
-def _free_place(centres: np.ndarray, taken: list[np.ndarray], apart: float) -> np.ndarray:
+def _free_place(centres: np.ndarray, items: list[np.ndarray], apart: float) -> np.ndarray:
     """Return the middle of a body or, if another label is there, as for mixed grains, a free cell."""
     middle = centres.mean(axis=0)
     free = np.ones(len(centres), dtype=bool)
-    for place in taken:
+    for place in items:
         free &= np.linalg.norm(centres - place, axis=1) > apart
         middle = np.full(2, np.nan) if np.linalg.norm(middle - place) <= apart else middle
     if np.isfinite(middle).all() or not free.any():

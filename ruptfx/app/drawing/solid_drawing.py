@@ -84,8 +84,8 @@ def positions(fault: Fault, points: Array) -> Array:
     middle = face.points.mean(axis=0)
     known = np.column_stack([face.points - middle, np.ones(len(face.points))])
     linear, *_ = np.linalg.lstsq(known, np.stack([face.position, face.across], axis=1), rcond=None)
-    found: Array = (points - middle) @ linear[:3] + linear[3]
-    return found
+    result: Array = (points - middle) @ linear[:3] + linear[3]
+    return result
 
 
 def _draw_frame(axes: Axes3D, fault: Fault, size: float, length: float) -> None:

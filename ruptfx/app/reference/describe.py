@@ -230,12 +230,12 @@ def keys_of(cls: type[Part]) -> list[Key]:
 def _elsewhere(cls: type[Part], schema: object) -> str:
     """Return the topics that describe the values of a key, from its JSON schema."""
     topics = {part.__name__: topic for topic, tables in TABLES.items() for part in tables.values() if part is not cls}
-    found = [
+    items = [
         name if key == "x-folder" else topics.get(name.rpartition("/")[2], "")
         for key, name in _references(schema)
     ]  # fmt: skip
-    others = [f"see {topic}" for topic in dict.fromkeys(found) if topic not in ("", "profiles")]
-    return ", ".join(others + ["may be a profile"] * ("profiles" in found))
+    others = [f"see {topic}" for topic in dict.fromkeys(items) if topic not in ("", "profiles")]
+    return ", ".join(others + ["may be a profile"] * ("profiles" in items))
 
 
 def _references(schema: object) -> Iterator[tuple[str, str]]:
@@ -246,10 +246,10 @@ def _references(schema: object) -> Iterator[tuple[str, str]]:
         yield from _references(inner)
 
 
-def _with_held(found: Mapping[str, type[Part]]) -> Iterator[Entry]:
+def _with_held(table: Mapping[str, type[Part]]) -> Iterator[Entry]:
     """Yield each table with the tables that it contains and that appear nowhere else."""
     seen = {cls for group in (*TABLES.values(), *CLASSES.values()) for cls in group.values()} | {Place}
-    for name, cls in found.items():
+    for name, cls in table.items():
         yield _entry(name, cls)
         todo = [(f"{name}.{key}", field.annotation) for key, field in cls.model_fields.items()]
         while todo:
@@ -294,18 +294,18 @@ def _unit(cls: type[Part], name: str) -> str:
 
 def _bounds(field: FieldInfo) -> str:
     """Return `> 0`, `>= 0` ... from the metadata of the field, or of its number if it may vary."""
-    found = [*field.metadata]
+    items = [*field.metadata]
     for member in typing.get_args(field.annotation):
-        found += [item for item in getattr(member, "__metadata__", ()) if not isinstance(item, Unit)]
+        items += [item for item in getattr(member, "__metadata__", ()) if not isinstance(item, Unit)]
         for inner in typing.get_args(member):
             for item in getattr(inner, "__metadata__", ()):
-                found += getattr(item, "metadata", None) or []
-        for item in list(found):
-            found += getattr(item, "metadata", None) or []
+                items += getattr(item, "metadata", None) or []
+        for item in list(items):
+            items += getattr(item, "metadata", None) or []
     signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
     bounds = {
         f"{sign} {getattr(item, key):g}"
-        for item in found
+        for item in items
         for key, sign in signs.items()
         if getattr(item, key, None) is not None
     }

@@ -103,7 +103,7 @@ class SupportTable:
 @cache
 def tables() -> tuple[SupportTable, ...]:
     """Return the tables of steppers, contact methods, planes and materials."""
-    return tuple(_table(topic, found) for topic, found in columns().items())
+    return tuple(_table(topic, result) for topic, result in columns().items())
 
 
 def columns() -> dict[str, dict[str, dict[str, type[Part]]]]:
@@ -158,13 +158,13 @@ def _of_fault(name: str, key: str, cls: type[Part], whole: bool = False) -> Feat
     return Feature(name, {**INTERFACE, key: cls}, (key,))
 
 
-def _table(topic: str, given: dict[str, dict[str, type[Part]]]) -> SupportTable:
+def _table(topic: str, table: dict[str, dict[str, type[Part]]]) -> SupportTable:
     """Return the table of all features; kinds of one folder with the same cells share a row."""
     rows: list[tuple[list[str], list[Cell]]] = []
     for feature in features():
         if topic == "contact" and (f"{FAULT}contact" in feature.own or f"{FAULT}contact" not in feature.parts):
             continue
-        cells = [judge(feature, column) for column in given.values()]
+        cells = [judge(feature, column) for column in table.values()]
         folder = _folder(feature.name)
         same = next((names for names, known in rows if known == cells and _folder(names[0]) == folder), [])
         same.append(feature.name)
@@ -172,7 +172,7 @@ def _table(topic: str, given: dict[str, dict[str, type[Part]]]) -> SupportTable:
             rows.append((same, cells))
     count = Counter(_folder(names[0]) for names, _ in rows)
     named = [(_label(names, count[_folder(names[0])]), cells) for names, cells in rows]
-    return SupportTable(topic, tuple(given), named)
+    return SupportTable(topic, tuple(table), named)
 
 
 def _folder(name: str) -> str:
@@ -213,10 +213,10 @@ def _replaced(key: str, column: dict[str, type[Part]]) -> bool:
     return key.startswith(support.PLANE) and any(other.startswith(support.PLANE) for other in column)
 
 
-def _in_words(found: Sequence[tuple[support.Change, ...]]) -> str:
+def _in_words(items: Sequence[tuple[support.Change, ...]]) -> str:
     """Return sets of changes of which one is needed as text, kinds of one part side by side."""
     kinds: dict[str, list[str]] = {}
-    for *others, last in found:
+    for *others, last in items:
         first = "".join(f"{_part(change)} {change.kind} and " for change in others)
         kinds.setdefault(first + _part(last), []).append(last.kind or "")
     return "with " + ", or ".join(f"{part} {' or '.join(names)}" for part, names in kinds.items())

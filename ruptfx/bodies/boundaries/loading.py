@@ -52,7 +52,7 @@ class Loads:
     def __init__(self, model: Discretisation, boundaries: Sequence[Boundary], key: str = "boundaries") -> None:
         self.model = model
         self._acts = [(each, self.act(each, f"{key}.{number}")) for number, each in enumerate(boundaries)]
-        actions = [action for _, found in self._acts for action in found]
+        actions = [action for _, result in self._acts for action in result]
         self.motions = [action.motion for action in actions if action.motion is not None]
         if model.plane == "axisymmetric":
             self.motions.append(_resting(2 * np.flatnonzero(axisymmetry.on_axis(model.coordinates)) + 1))
@@ -140,7 +140,7 @@ class Loads:
 
     def actions_of(self, boundary: Boundary) -> list[Action]:
         """Return the actions of the boundary here that differs from the given one in its amounts only."""
-        return next((found for other, found in self._acts if other.in_place_of(boundary)), [])
+        return next((result for other, result in self._acts if other.in_place_of(boundary)), [])
 
     def edge(self, name: str, key: str) -> Edge:
         """Return an edge of the bodies; `key` of the case is for messages.
@@ -183,7 +183,7 @@ class Loads:
     @property
     def lasting_forces(self) -> list[Force]:
         """Forces of the boundaries without dashpots of their own, which let waves pass."""
-        actions = [action for _, found in self._acts for action in found]
+        actions = [action for _, result in self._acts for action in result]
         return [action.force for action in actions if action.force is not None and action.dashpot is None]
 
     def drive(self, velocity: np.ndarray, time: float) -> None:

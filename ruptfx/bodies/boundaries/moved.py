@@ -50,12 +50,12 @@ class Moved(EdgeMotion):
     @model_validator(mode="wrap")
     @classmethod
     def _from_file(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
-        given = values if isinstance(values, Mapping) else {}
-        wanted = "m" if given.get("quantity") == "displacement" else "m/s"
-        called = str(given.get("quantity"))
+        entries = values if isinstance(values, Mapping) else {}
+        wanted = "m" if entries.get("quantity") == "displacement" else "m/s"
+        called = str(entries.get("quantity"))
         moved = handler(with_file_read(values, info, "times", "time", ("s", wanted), called))
-        if isinstance(given.get("file"), str):
-            moved._read_from = given["file"]
+        if isinstance(entries.get("file"), str):
+            moved._read_from = entries["file"]
         return moved
 
     @model_validator(mode="after")

@@ -49,6 +49,6 @@ class Traction(EdgeBoundary):
         limits = [self.x_range, self.y_range]
         nodal = edge.force(self.traction, limits)
         if any(limits) and not parallel.total(edge.model.comm, np.abs(nodal).sum()):
-            given = ", ".join(f"{n} = {v}" for n, v in zip(("x_range", "y_range"), limits, strict=True) if v)
-            raise CaseError(f"{key}: {self.edge} has no side with its middle in {given} m; make it longer")
+            value = ", ".join(f"{n} = {v}" for n, v in zip(("x_range", "y_range"), limits, strict=True) if v)
+            raise CaseError(f"{key}: {self.edge} has no side with its middle in {value} m; make it longer")
         return Action(force=Force.of(nodal, self.factor))

@@ -83,14 +83,14 @@ class BodyStress(Alternative):
             Distance to both sides [m].
         """
         dim = points.shape[1]
-        found = np.zeros((len(points), dim))
+        values = np.zeros((len(points), dim))
         for axis in range(dim):
             sides = [points + sign * step[:, None] * np.eye(dim)[axis] for sign in (1, -1)]
             high, low = (
                 matrices(self.effective(each)) - self.pore_pressure(each)[:, None, None] * np.eye(3) for each in sides
             )
-            found += ((high - low)[:, axis, :dim]) / (2 * step[:, None])
-        return found
+            values += ((high - low)[:, axis, :dim]) / (2 * step[:, None])
+        return values
 
 
 class Component(Profile):
@@ -108,10 +108,10 @@ class Component(Profile):
 
 def matrices(stress: np.ndarray) -> np.ndarray:
     """Return stresses of shape (n, 6) as matrices, shape (n, 3, 3)."""
-    found = np.zeros((len(stress), 3, 3))
+    values = np.zeros((len(stress), 3, 3))
     for number, (i, j) in enumerate(PLACES):
-        found[:, i, j] = found[:, j, i] = stress[:, number]
-    return found
+        values[:, i, j] = values[:, j, i] = stress[:, number]
+    return values
 
 
 def tractions(stress: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

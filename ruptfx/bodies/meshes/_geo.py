@@ -102,7 +102,7 @@ def _readings(path: Path) -> dict[Path, bool]:
 def _scan(path: Path, directory: Path) -> list[Path]:
     """Scan a script and return the scripts that it reads."""
     text = path.read_bytes().decode("latin-1")
-    found: list[Path] = []
+    items: list[Path] = []
 
     def refuse(what: str, place: int) -> RuptfxError:
         return RuptfxError(
@@ -131,9 +131,9 @@ def _scan(path: Path, directory: Path) -> list[Path]:
             file = (path.parent / name[1:-1]).resolve()
             if not file.is_relative_to(directory):
                 raise refuse(f"'{word}' reads {file}, which is not in {directory}", place)
-            found += _options(path.parent / name[1:-1])
+            items += _options(path.parent / name[1:-1])
             if word.lower() == "include" or file.suffix in _SCRIPTS:
-                found += [file] if file.is_file() else []  # Gmsh says what is missing
+                items += [file] if file.is_file() else []  # Gmsh says what is missing
             elif file.suffix not in _DATA:
                 raise refuse(f"'{word}' reads {file.name}, which is neither a script nor a geometry", place)
-    return found
+    return items

@@ -72,15 +72,15 @@ class Lattice:
     @property
     def sides(self) -> dict[str, tuple[int, str]]:
         """Body and side of every edge and of the meshed sides of interfaces, ``"main.plus"``."""
-        last, found = len(self.levels) - 1, {}
+        last, result = len(self.levels) - 1, {}
         for number, body in enumerate(self.bodies):
             for side in ("left", "right", "top", "bottom"):
                 if (side == "top" and number > 0) or (side == "bottom" and (number < last or self.one_sided)):
                     continue
-                found[f"{body}.{side}"] = number, side
+                result[f"{body}.{side}"] = number, side
         for number, name in enumerate(self.interfaces):
-            found |= {f"{name}.plus": (number, "bottom"), f"{name}.minus": (number + 1, "top")}
-        return found | {f"{name}.plus": (last, "bottom") for name in self.one_sided}
+            result |= {f"{name}.plus": (number, "bottom"), f"{name}.minus": (number + 1, "top")}
+        return result | {f"{name}.plus": (last, "bottom") for name in self.one_sided}
 
     def points(self, vertices: np.ndarray) -> np.ndarray:
         """Return coordinates of vertices [m], shape (vertices, 2)."""
@@ -142,10 +142,10 @@ class Lattice:
         body, column, row = (part.reshape(facets.shape) for part in self._places(facets.ravel()))
         top = np.array(self.rows, dtype=np.int64)[body]
         on = {"left": column == 0, "right": column == self.columns, "bottom": row == 0, "top": row == top}
-        found = np.full(len(facets), -1)
+        values = np.full(len(facets), -1)
         for place, (number, side) in enumerate(self.sides.values()):
-            found[(on[side] & (body == number)).all(axis=1)] = place
-        return found
+            values[(on[side] & (body == number)).all(axis=1)] = place
+        return values
 
     def cells(self, body: int, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Return vertices of the cells of the given columns and rows in tensor order, shape (cells, 4)."""
@@ -177,12 +177,12 @@ class Lattice:
         strip = (np.arange(self.columns) + shift) % self.columns * across // self.columns
         columns = np.flatnonzero(strip == part % across)
         low, high = bounds[part // across], bounds[part // across + 1]
-        found = []
+        items = []
         for body in range(len(self.levels)):
             begin = int(first_row[stack.index(body)])
             rows = np.arange(max(low - begin, 0), min(high - begin, self.rows[body]))
-            found.append(self.cells(body, columns, rows))
-        return np.concatenate(found)
+            items.append(self.cells(body, columns, rows))
+        return np.concatenate(items)
 
     def build(self) -> RawMesh:
         """Return the whole mesh."""

@@ -101,16 +101,16 @@ class BoxWithFault(MeshSource):
         z = -np.concatenate([above[:-1], depth, depth[-1] + below[1:]])[::-1]
         side = self._outside(self.distance, self.element_size)
         last = len(z) - len(above)
-        found = Bricks(
+        bricks = Bricks(
             x=x, y=side if self.half else np.concatenate([-side[:0:-1], side]), z=z + 0.0,
             plane=0 if self.half else len(side) - 1,
             along=(len(outside) - 1, len(outside) + len(fault) - 2), down=(last - len(depth) + 1, last),
             slope=0.0 if self.dip == 90 else float(1 / np.tan(angle)), half=self.half,
             height=None if isinstance(self.height, float) and self.height == 0 else self.height,
         )  # fmt: skip
-        if found.height is not None:
-            self._not_folded(found)
-        return found
+        if bricks.height is not None:
+            self._not_folded(bricks)
+        return bricks
 
     def _not_folded(self, bricks: Bricks) -> None:
         """Refuse heights at which elements between the fault and the far edges become too flat.

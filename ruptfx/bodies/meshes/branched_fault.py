@@ -203,10 +203,10 @@ class BranchedFault(MeshSource):
                 return number[nodes.reshape(-1, 2 * dim)]
 
             cells = [elements(2, surface)[:, [0, 1, 3, 2]] for surface in surfaces]
-            lines = {name: np.concatenate([elements(1, one) for one in found]) for name, found in on_faults.items()}
-        part = np.repeat(np.arange(3), [len(found) for found in cells])
+            lines = {name: np.concatenate([elements(1, one) for one in cell]) for name, cell in on_faults.items()}
+        part = np.repeat(np.arange(3), [len(cell) for cell in cells])
         used, renumbered = np.unique(np.concatenate(cells), return_inverse=True)
         place = np.full(len(tags), -1)
         place[used] = np.arange(len(used))
         points = coordinates.reshape(-1, 3)[used, :2]
-        return points, renumbered.reshape(-1, 4), part, {name: place[found] for name, found in lines.items()}
+        return points, renumbered.reshape(-1, 4), part, {name: place[cell] for name, cell in lines.items()}

@@ -117,10 +117,10 @@ class GmshFile(MeshSource):
         points = points[:, axes] * self.scale
         known = Facets(cells, FACETS[cell])
         numbers = {name: known.find(facets) for name, facets in named.items()}
-        found = {name: known.cells[number] for name, number in numbers.items()}  # [-1] where there is none
+        entries = {name: known.cells[number] for name, number in numbers.items()}  # [-1] where there is none
         for name, number in numbers.items():
-            found[name][number < 0] = -1
-        cuts = [np.zeros(0, dtype=int), *(numbers[name][found[name][:, 1] >= 0] for name in self.interfaces)]
+            entries[name][number < 0] = -1
+        cuts = [np.zeros(0, dtype=int), *(numbers[name][entries[name][:, 1] >= 0] for name in self.interfaces)]
         cut_cells, origin = known.cut(np.concatenate(cuts))
         raw = RawMesh(cell, np.concatenate([points, points[origin]]), cut_cells, bodies, cell_body)
 
@@ -132,10 +132,10 @@ class GmshFile(MeshSource):
         for name, sides in self.interfaces.items():
             others = (facets.ravel() for other, facets in faults.items() if other != name)
             crossed = np.concatenate([np.zeros(0, dtype=int), *others])
-            raw.interfaces[name] = self._interface(raw, name, sides, faults[name], found[name], on, crossed)
+            raw.interfaces[name] = self._interface(raw, name, sides, faults[name], entries[name], on, crossed)
         for name, facets in named.items():
-            if self._is_edge(raw, name, found[name], facets):
-                raw.edges[name] = on(facets, found[name][:, 0])
+            if self._is_edge(raw, name, entries[name], facets):
+                raw.edges[name] = on(facets, entries[name][:, 0])
         chosen = [name for name in raw.edges if name in self.names or name.partition(".")[0] in bodies]
         shared = np.concatenate([np.zeros(0, dtype=int), *(numbers[name] for name in (*self.interfaces, *chosen))])
         for name in raw.edges.keys() - chosen:  # as sets of Abaqus for all elements that are listed together

@@ -108,9 +108,9 @@ class Pieces(MeshSource):
             sides = np.sort((part + begin)[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), axis=1)
             sides, count = np.unique(sides, axis=0, return_counts=True)
             outer = sides[count == 1]
-            found = self.bodies[name].sides(points[outer].mean(axis=1))
-            nearest = np.argmin([*found.values()], axis=0)
-            for number, side in enumerate(found):
+            result = self.bodies[name].sides(points[outer].mean(axis=1))
+            nearest = np.argmin([*result.values()], axis=0)
+            for number, side in enumerate(result):
                 raw.edges[f"{name}.{side}"] = outer[nearest == number]
         return raw
 

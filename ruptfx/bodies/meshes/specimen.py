@@ -155,7 +155,7 @@ class Specimen(MeshSource):
                     f"Gmsh could not mesh the specimen: {error}; look at mesh.notches, mesh.joints and mesh.parts"
                 ) from None
         triangles = number[np.concatenate(list(cells.values()))]
-        platen = np.concatenate([np.full(len(found), entity in beyond) for entity, found in cells.items()])
+        platen = np.concatenate([np.full(len(result), entity in beyond) for entity, result in cells.items()])
         used, triangles = np.unique(triangles, return_inverse=True)
         place = np.full(len(tags), -1)
         place[used] = np.arange(len(used))
@@ -241,8 +241,8 @@ def _key(facet: Ints) -> tuple[int, int]:
 def _facets(triangles: Ints) -> dict[tuple[int, int], int]:
     """Return the number of triangles of every facet."""
     sides = np.sort(triangles[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), axis=1)
-    found, count = np.unique(sides, axis=0, return_counts=True)
-    return dict(zip(map(tuple, found.tolist()), count.tolist(), strict=True))
+    result, count = np.unique(sides, axis=0, return_counts=True)
+    return dict(zip(map(tuple, result.tolist()), count.tolist(), strict=True))
 
 
 def _on_segment(points: Floats, segment: Segment, element_size: float) -> NDArray[np.bool_]:

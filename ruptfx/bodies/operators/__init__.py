@@ -103,15 +103,15 @@ class Bulk:
         if self.variation is None:
             return moduli[index], None
         count = self.variation.points(cells.ravel()[:1]).shape[1]
-        found = np.repeat(moduli[index][..., None, :], count, axis=-2)
+        values = np.repeat(moduli[index][..., None, :], count, axis=-2)
         for number in np.unique(index):
             if self.variation.varies(number):
                 mine = index == number
                 local = self.variation.local(number, cells[mine])
                 if local.lame(self.plane) is not None:  # that of others does not vary: `MatrixFree` refuses it
-                    found[mine] = of(local)
-        uniform = bool(np.all(found == found[..., :1, :]))
-        return np.ascontiguousarray(found[..., 0, :]), None if uniform else found
+                    values[mine] = of(local)
+        uniform = bool(np.all(values == values[..., :1, :]))
+        return np.ascontiguousarray(values[..., 0, :]), None if uniform else values
 
 
 STRAINS: dict[str, list[tuple[int, int]]] = {
@@ -210,10 +210,10 @@ class InsertedSweep(Protocol):
 def nodes_of_sweeps(space: fem.dolfinx.fem.FunctionSpace, sweeps: Iterable[InsertedSweep]) -> np.ndarray:
     """Return a mask of the local nodes of the elements of sweeps, shape (nodes,)."""
     index_map = space.dofmap.index_map
-    found = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
+    nodes = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
     for sweep in sweeps:
-        found[space.dofmap.list[sweep.batches]] = True
-    return found
+        nodes[space.dofmap.list[sweep.batches]] = True
+    return nodes
 
 
 @dataclass

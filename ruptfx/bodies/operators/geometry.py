@@ -65,17 +65,17 @@ def numbers(
             sign, geometry = _geometry(bulk.space, chosen, of_geometry, permutation)
             uniform, local = bulk.moduli(chosen)
             counts = (sign * ~padding[batch])[..., None]
-            found = uniform * counts
+            values = uniform * counts
             if value >= VARYING:
                 assert local is not None
                 of_nodes = local[..., permutation, :].reshape(*chosen.shape, -1)
-                found = np.concatenate([found, of_nodes * counts], axis=-1)
-            found = np.concatenate([found, geometry], axis=-1)
+                values = np.concatenate([values, of_nodes * counts], axis=-1)
+            values = np.concatenate([values, geometry], axis=-1)
             if axisymmetric:
-                found = np.concatenate([found, _rings(bulk.space, chosen, of_geometry, permutation)], axis=-1)
+                values = np.concatenate([values, _rings(bulk.space, chosen, of_geometry, permutation)], axis=-1)
             if bulk.large_rotations:
-                found = np.concatenate([found, 1 / root_of_size(mesh, chosen)[..., None]], axis=-1)
-            number[start[batch][:, None] + np.arange(found.shape[-1])] = found.transpose(0, 2, 1)
+                values = np.concatenate([values, 1 / root_of_size(mesh, chosen)[..., None]], axis=-1)
+            number[start[batch][:, None] + np.arange(values.shape[-1])] = values.transpose(0, 2, 1)
     return kind, start[:-1], number
 
 
@@ -119,11 +119,11 @@ def _rings(space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, p
 
 def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
     """Return the root of |det J| of cells with parallel edges, in the shape of `cells`."""
-    found = native.aligned(cells.shape)
+    root = native.aligned(cells.shape)
     for part in _slices(len(cells)):
         jacobian, _ = _shape(_corners(mesh, cells[part]), is_tensor(mesh))
-        found[part] = np.sqrt(np.abs(np.linalg.det(jacobian)))
-    return found
+        root[part] = np.sqrt(np.abs(np.linalg.det(jacobian)))
+    return root
 
 
 def jacobian_at(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -237,7 +237,7 @@ def _from_root(
         for facet in np.sort(facets, axis=1).tolist()
     }  # fmt: skip
     facets, tags = _tag_facets(
-        mesh, list(named), lambda found: np.array([number.get(tuple(facet), -1) for facet in found.tolist()], dtype=int)
+        mesh, list(named), lambda value: np.array([number.get(tuple(facet), -1) for facet in value.tolist()], dtype=int)
     )
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)

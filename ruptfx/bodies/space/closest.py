@@ -23,9 +23,9 @@ def closest(points: np.ndarray, others: np.ndarray) -> Found:
     -------
     distance, number : ndarray, shape (n,)
     """
-    found = _coinciding(points, others)
-    if found is not None:
-        return found
+    coinciding = _coinciding(points, others)
+    if coinciding is not None:
+        return coinciding
     from scipy.spatial import cKDTree
 
     distance, number = cKDTree(others).query(points)

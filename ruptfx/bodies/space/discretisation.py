@@ -196,12 +196,12 @@ class Discretisation:
         return function
 
 
-def _in_order(given: Mapping[str, Material], bodies: list[str]) -> list[Material]:
+def _in_order(table: Mapping[str, Material], bodies: list[str]) -> list[Material]:
     """Return the material of every body, in the order of the bodies."""
-    for name in given:
+    for name in table:
         if name not in (*bodies, "default"):
             raise CaseError(f"materials.{name}: no such body, {nearest(name, [*bodies, 'default'])}")
-    missing = [name for name in bodies if name not in given and "default" not in given]
+    missing = [name for name in bodies if name not in table and "default" not in table]
     if missing:
         raise CaseError(f"materials: body '{missing[0]}' has none; add [materials.{missing[0]}] or [materials.default]")
-    return [given[name] if name in given else given["default"] for name in bodies]
+    return [table[name] if name in table else table["default"] for name in bodies]

@@ -193,7 +193,7 @@ class Edge:
         for index, material in enumerate(model.materials):
             n = normal[self.bodies == index]
             try:
-                exact, axes = (material.impedance(given, model.plane) for given in (n, np.eye(n.shape[1])))
+                exact, axes = (material.impedance(item, model.plane) for item in (n, np.eye(n.shape[1])))
             except RuptfxError as caught:
                 error = caught
                 break

@@ -80,12 +80,12 @@ class Inside:
         boxes: CellBoxes | None = None, first: bool = False,
     ) -> None:  # fmt: skip
         self.model = model
-        names, told = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
+        names, report = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
         if body is not None and body not in names:
             raise CaseError(f"{key}.body = '{body}': no such body, {nearest(body, names)}")
         inside = self._find(np.array(point, dtype=float), boxes or CellBoxes.of(model))
-        found = [item for item in inside if body in (None, names[item[0]])]
-        holders = parallel.share_rows(model.comm, np.array([number for number, *_ in found], dtype=np.int64))
+        items = [item for item in inside if body in (None, names[item[0]])]
+        holders = parallel.share_rows(model.comm, np.array([number for number, *_ in items], dtype=np.int64))
         if not len(holders):
             body = "the bodies" if body is None else body
             ends = [
@@ -96,17 +96,17 @@ class Inside:
             low, high = np.where(np.abs(ends) < rounding, 0.0, ends).T
             ranges = ", ".join(f"{axis} from {x:.6g} to {y:.6g}" for axis, x, y in zip("xyz", low, high, strict=False))
             raise CaseError(
-                f"{key}.{field} = {told}: is not inside of {body}; move it; the bodies are within {ranges} m"
+                f"{key}.{field} = {report}: is not inside of {body}; move it; the bodies are within {ranges} m"
             )
         if first:
             holders = holders[holders == holders.min()]
-            found = [item for item in found if item[0] == holders[0]]
+            items = [item for item in items if item[0] == holders[0]]
         if len(set(holders.tolist())) > 1:
             there = " and ".join(f"'{names[number]}'" for number in sorted(set(holders.tolist())))
-            raise CaseError(f"{key}.{field} = {told}: {there} meet there; say in which it is with body")
+            raise CaseError(f"{key}.{field} = {report}: {there} meet there; say in which it is with body")
         self.body = int(holders[0])
-        self._cells = [(nodes, shape / len(holders)) for _, _, nodes, shape in found]
-        self.functions = {cell: shape[0] / len(holders) for _, cell, _, shape in found}
+        self._cells = [(nodes, shape / len(holders)) for _, _, nodes, shape in items]
+        self.functions = {cell: shape[0] / len(holders) for _, cell, _, shape in items}
 
     def _find(self, point: np.ndarray, boxes: CellBoxes) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
         """Return body, number, nodes and shape functions of every local cell that contains the point.
@@ -115,7 +115,7 @@ class Inside:
         """
         mesh, space = self.model.mesh, self.model.space
         near = ((point >= boxes.low) & (point <= boxes.high)).all(axis=1)
-        found = []
+        items = []
         for cell in np.flatnonzero(near):
             place = fem.reference_point(mesh, boxes.corners[cell], point)
             if place is None:
@@ -124,8 +124,8 @@ class Inside:
             values = fem.tabulate(space, reference)
             gradient = np.linalg.solve(jacobian.T, values[1:])
             shape = np.concatenate([values[:1], gradient])
-            found.append((int(self.model.bodies.cell_body[cell]), int(cell), space.dofmap.list[cell], shape))
-        return found
+            items.append((int(self.model.bodies.cell_body[cell]), int(cell), space.dofmap.list[cell], shape))
+        return items
 
     def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return local degrees of freedom and weights on this rank, for a sum of `value` times coefficients.

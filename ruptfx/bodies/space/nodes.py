@@ -64,12 +64,12 @@ class Nodes:
         The last digits of a tabulated coordinate depend on the cell that it was computed from. Coefficients that
         follow from coordinates must be bitwise identical on all ranks with a node, else its velocities drift apart.
         """
-        found = self.space.tabulate_dof_coordinates()[:, : self.space.mesh.geometry.dim].copy()
-        for column in found.T:
+        shared_coordinates = self.space.tabulate_dof_coordinates()[:, : self.space.mesh.geometry.dim].copy()
+        for column in shared_coordinates.T:
             values = np.repeat(column, self.components)
             self.take_from_owners(values)
             column[:] = values[:: self.components]
-        return found
+        return shared_coordinates
 
     def _tied(self) -> tuple[np.ndarray, np.ndarray]:
         """Return pairs of nodes of tied edges; collective."""

@@ -65,15 +65,15 @@ class Variation:
         for number, (name, material) in enumerate(zip(names, materials, strict=True)):
             cells = np.flatnonzero(self._body == number)
             self._row[cells] = np.arange(len(cells))
-            found: dict[str, np.ndarray] = {}
+            evaluated: dict[str, np.ndarray] = {}
             if material.varying and error is None:
                 try:
-                    found = self._evaluated(material, cells)
+                    evaluated = self._evaluated(material, cells)
                 except PointsError as caught:
                     error, refused = caught, np.insert(caught.points, 0, number, axis=1)
                 except (CaseError, ValueError) as caught:
                     error = CaseError(f"materials.{name}.{caught}")
-            self._values.append(found)
+            self._values.append(evaluated)
         error = self._of_all_ranks(error, refused, names)
         parallel.raise_on_all(space.mesh.comm, error)
         self.references = [self._reference(number) for number in range(len(self.given))]
@@ -174,12 +174,12 @@ class Variation:
         """
         points = 1 if self._space.mesh.basix_cell().name in ("triangle", "tetrahedron") else (
             self._space.dofmap.list.shape[1])  # fmt: skip
-        found = np.zeros((len(self._body), points))
+        values = np.zeros((len(self._body), points))
         for number in range(len(self.given)):
             cells = np.flatnonzero(self._body == number)
             if len(cells):
-                found[cells] = quantity(self.local(number, cells), number)
-        return found
+                values[cells] = quantity(self.local(number, cells), number)
+        return values
 
     def function(self, values: np.ndarray) -> fem.dolfinx.fem.Function:
         """Return the function with given values at the points of cells, shape (cells, points)."""

@@ -151,16 +151,16 @@ def with_unit(value: object, info: ValidationInfo, unit: str, *at: str | int) ->
         return value  # refused by the reader
     assert issubclass(cls, Profile)
     of_key = Unit(unit)
-    given, wrong = dict(value), list[tuple[tuple[str | int, ...], object, str]]()
+    values, wrong = dict(value), list[tuple[tuple[str | int, ...], object, str]]()
     for key in value:
         if key in cls.model_fields and has_mark(cls, key, OfKey):
             try:
-                given[key] = of_key.read(value[key])
+                values[key] = of_key.read(value[key])
             except ValueError as error:
                 wrong.append(((key,), value[key], str(error)))
     if not wrong:
         try:
-            return cls.with_files(given, info, unit)
+            return cls.with_files(values, info, unit)
         except ValidationError as error:  # of a profile inside
             wrong = [(each["loc"], each["input"], each["msg"]) for each in error.errors()]
     raise ValidationError.from_exception_data(kind, [

@@ -67,9 +67,9 @@ class SelfAffineField(Profile):
         amplitude *= self.rms / np.sqrt(0.5 * np.sum(amplitude**2))
         phase = np.random.default_rng(self.seed).uniform(0, 2 * np.pi, count)
         places = np.reshape(position, (-1, directions))
-        found = np.empty(len(places))
+        values = np.empty(len(places))
         rows = max(ENTRIES // count, 1)
         for first in range(0, len(places), rows):
             part = slice(first, first + rows)
-            found[part] = np.cos(places[part] @ vectors.T + phase) @ amplitude
-        return self.mean + found
+            values[part] = np.cos(places[part] @ vectors.T + phase) @ amplitude
+        return self.mean + values

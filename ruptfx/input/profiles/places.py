@@ -164,24 +164,24 @@ def patches(part: Part, key: str) -> Iterator[Patch]:
         if getattr(item, "down_dip", False):
             inside_down_dip.append(f"{where}.")
         down_dip = where.startswith(tuple(inside_down_dip))
-        found = {mark: [getattr(item, name) for name in type(item).model_fields if has_mark(type(item), name, mark)]
+        entries = {mark: [getattr(item, name) for name in type(item).model_fields if has_mark(type(item), name, mark)]
                  for mark in (_Along, _Reach, _Smooth)}  # fmt: skip
         kind = item.kind() if isinstance(item, Alternative) else ""
-        for value in found[_Along]:
+        for value in entries[_Along]:
             if isinstance(value, list):
                 yield Patch(where, kind, [value[0], value[-1]], down_dip=down_dip)
             else:
                 center = np.asarray(value) if np.ndim(value) else None
                 value = float(np.ravel(value)[0])  # of a point on a surface: along strike
-                reach = found[_Reach][0] if found[_Reach] else 0.0
+                reach = entries[_Reach][0] if entries[_Reach] else 0.0
                 ends = [value - reach, value + reach] if reach else [value]
-                yield Patch(where, kind, ends, center, down_dip, reach > 0, reach > 0 and not found[_Smooth], item)
+                yield Patch(where, kind, ends, center, down_dip, reach > 0, reach > 0 and not entries[_Smooth], item)
 
 
-def shifted(given: list[tuple[str, list[float]]], shift: float) -> str:
+def shifted(items: list[tuple[str, list[float]]], shift: float) -> str:
     """Return text with the changes of positions from lengths from the left end to x, for messages."""
     texts = []
-    for key, values in given:
+    for key, values in items:
         if not values:
             texts.append(f"{key} is drawn by position and becomes another sample")
         elif len(values) > 2:

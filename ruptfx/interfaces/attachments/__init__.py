@@ -166,9 +166,9 @@ class Attached(Mechanism, ImplicitForce):
         return field.start
 
     def nodes(self) -> NDArray[np.bool_]:
-        found = super().nodes()
-        found[self.at] = True
-        return found
+        result = super().nodes()
+        result[self.at] = True
+        return result
 
     def begin(self, state: State) -> None:
         n, c = len(self.at), self.model.components

@@ -79,10 +79,10 @@ class Ground(Attached):
         self._area, self._normal = edge.area[:, None], edge.normal
         self._counted = np.where(self.owned, edge.area, 0.0)
         steepest = self._steepest()
-        for name, given, least in zip(("normal", "tangential"), self._stiffness, steepest, strict=True):
-            if given < least:
+        for name, value, least in zip(("normal", "tangential"), self._stiffness, steepest, strict=True):
+            if value < least:
                 raise CaseError(
-                    f"{key}.{name} = {given:.4g} Pa/m: the law loses {least:.4g} Pa per metre, more than the springs "
+                    f"{key}.{name} = {value:.4g} Pa/m: the law loses {least:.4g} Pa per metre, more than the springs "
                     f"let go, so that the ground fails at once; give at least {1.01 * least:.3g} Pa/m, or a larger "
                     "fracture energy"
                 )
@@ -90,7 +90,7 @@ class Ground(Attached):
     def _steepest(self) -> tuple[float, float]:
         """Return how fast strength falls with opening and with slip at most [Pa/m]."""
         law, n = self._cohesion.law, len(self.at)
-        found = []
+        items = []
         for mode, (strength, length) in enumerate(((law.f_t, law.opening_at_failure), (law.c, law.slip_at_failure))):
             ways = np.linspace(0, 1, 201)[:, None] * np.broadcast_to(length, n)
             ways = np.where(np.isfinite(ways), ways, 0.0)
@@ -98,8 +98,8 @@ class Ground(Attached):
                              for way in ways])  # fmt: skip
             with np.errstate(all="ignore"):
                 slope = -np.diff(left, axis=0) / np.diff(ways, axis=0)
-            found.append(float(np.where(np.isfinite(slope) & (strength > 0), slope, 0.0).max(initial=0.0)))
-        return found[0], found[1]
+            items.append(float(np.where(np.isfinite(slope) & (strength > 0), slope, 0.0).max(initial=0.0)))
+        return items[0], items[1]
 
     def _damage(self, opening: Floats, slip: Floats) -> Floats:
         return self._cohesion.damage_after(np.zeros(len(self.at)), opening, slip)
@@ -190,10 +190,10 @@ class Ground(Attached):
     def _take(self, state: State, new: FaultState, u_before: Floats, u: Floats) -> None:
         """Copy fields to the state and count the losses: areas between two secants of traction against displacement."""
         fields = self.of(state)
-        taken = 0.5 * np.sum(new["traction"] * u_before - fields["traction"] * u, axis=1) * self._counted
+        result = 0.5 * np.sum(new["traction"] * u_before - fields["traction"] * u, axis=1) * self._counted
         grown = new["damage"] > fields["damage"]
-        state.energy["fracture"] += float(taken[grown].sum())
-        state.energy["impact_loss"] += float(taken[~grown].sum())  # of nodes that open or close within a step
+        state.energy["fracture"] += float(result[grown].sum())
+        state.energy["impact_loss"] += float(result[~grown].sum())  # of nodes that open or close within a step
         for name, values in new.items():
             fields[name][:] = values
 
@@ -212,7 +212,7 @@ class Ground(Attached):
         if not active.any():
             return low
         high = np.ones(len(low))
-        at_high, side, found = excess(high), np.zeros(len(low)), high.copy()
+        at_high, side, values = excess(high), np.zeros(len(low)), high.copy()
         # A node that has converged keeps its damage while others iterate: an excess of zero has no other bracket, and
         # the damage must not depend on which nodes share a rank.
         sought = active & (at_high < 0)
@@ -220,17 +220,17 @@ class Ground(Attached):
             if not sought.any():
                 break
             with np.errstate(all="ignore"):
-                middle = np.where(sought, (low * at_high - high * at_low) / (at_high - at_low), found)
+                middle = np.where(sought, (low * at_high - high * at_low) / (at_high - at_low), values)
             value = excess(middle)
             up = value > 0
             at_high = np.where(up & (side > 0), 0.5 * at_high, at_high)
             at_low = np.where(~up & (side < 0), 0.5 * at_low, at_low)
             low, at_low = np.where(up, middle, low), np.where(up, value, at_low)
             high, at_high = np.where(up, high, middle), np.where(up, at_high, value)
-            side, found = np.where(up, 1.0, -1.0), middle
+            side, values = np.where(up, 1.0, -1.0), middle
             sought &= np.abs(value) > TOLERANCE
-        found = np.where(found > 1 - FAILED, 1.0, np.maximum(found, fields["damage"]))
-        return np.where(active, found, fields["damage"])
+        values = np.where(values > 1 - FAILED, 1.0, np.maximum(values, fields["damage"]))
+        return np.where(active, values, fields["damage"])
 
     def add_energies(self, state: State, energies: dict[str, float]) -> None:
         # What leapfrog balances half a step after the traction: of linear springs u_n k u_(n+1) / 2.

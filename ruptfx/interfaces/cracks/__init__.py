@@ -78,11 +78,11 @@ class Fracture(Alternative):
         names = sorted(bodies)
         pairs = {f"{a}-{b}": (a, b) for i, a in enumerate(names) for b in names[i:]}
         turned = {f"{b}-{a}": pair for pair, (a, b) in pairs.items()}
-        for given in self.pairs:
-            if given not in pairs:
-                hint = f"write it in the order of the alphabet, '{turned[given]}'" if given in turned else (
-                    f"no such pair of bodies, {nearest(given, list(pairs))}")  # fmt: skip
-                raise CaseError(f"fracture.pairs.{given}: {hint}")
+        for value in self.pairs:
+            if value not in pairs:
+                hint = f"write it in the order of the alphabet, '{turned[value]}'" if value in turned else (
+                    f"no such pair of bodies, {nearest(value, list(pairs))}")  # fmt: skip
+                raise CaseError(f"fracture.pairs.{value}: {hint}")
         return {pair: self.pairs.get(name, self.default) for name, pair in pairs.items()}
 
     def laws_of_joints(self, joints: Iterable[str]) -> dict[str, CrackLaws]:
@@ -94,9 +94,9 @@ class Fracture(Alternative):
             A joint that the mesh does not have.
         """
         known = list(joints)
-        for given in self.joints:
-            if given not in known:
-                raise CaseError(f"fracture.joints.{given}: the mesh has no such joint, {nearest(given, known)}")
+        for value in self.joints:
+            if value not in known:
+                raise CaseError(f"fracture.joints.{value}: the mesh has no such joint, {nearest(value, known)}")
         return dict(self.joints)
 
     def all_laws(self) -> Iterator[tuple[str, CrackLaws]]:

@@ -105,10 +105,10 @@ class FacetResponse:
         RuptfxError
             On all ranks: no damage of a facet is consistent with opening and slip.
         """
-        fields, taken = self.fields(state, mass, displacement, dt)
+        fields, result = self.fields(state, mass, displacement, dt)
         for name, values in fields.items():
             state.cracks[name][:] = values
-        self._cracks.count(state, taken)
+        self._cracks.count(state, result)
         error = None
         try:
             self._cracks.require_balance(state.time + dt)

@@ -168,7 +168,7 @@ class RigidCracks(CrackStep):
         laws = ", ".join(
             "{" + ", ".join(f"{name}_{number}" for name in names) + "}" for number in range(len(self.groups))
         )
-        given = {
+        entries = {
             "STATES": ", ".join([f"STATE_{name}" for name in self.fields_of_ends] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1], "PRELOADED": int(self.initial_stress.any()),
@@ -176,7 +176,7 @@ class RigidCracks(CrackStep):
         }  # fmt: skip
         whole = _source("rigid_types.c") + text + f"static const struct law LAWS[] = {{{laws}}};\n"
         shared = "".join(files("ruptfx").joinpath(part).read_text() for part in SHARED)
-        self._library = native.load("rigid", shared + whole + _source("patch.c") + _source("rigid.c"), given)
+        self._library = native.load("rigid", shared + whole + _source("patch.c") + _source("rigid.c"), entries)
         self._library.check.restype = ctypes.c_long
         group_of = np.zeros(len(self.order), np.int32)
         for number, group in enumerate(self.groups):
@@ -224,8 +224,8 @@ class RigidCracks(CrackStep):
 
     def _vertices_of(self, facets: np.ndarray) -> np.ndarray:
         """Return the vertices of this rank at the ends of facets, each once."""
-        found = np.unique(self._vertex_of[self.corners[facets, 0]])
-        return found[found >= 0].astype(np.int32)
+        values = np.unique(self._vertex_of[self.corners[facets, 0]])
+        return values[values >= 0].astype(np.int32)
 
     def adopt(self, state: FaultState) -> bool:
         """Set tied and inserted facets from a state; return whether any has changed."""
@@ -360,8 +360,8 @@ class RigidCracks(CrackStep):
     def couple(self, nodes: np.ndarray) -> None:
         """Leave the vertices of some local nodes to another mechanism: `advance` and `hold` do not change them."""
         self._others[:] = False
-        found = self._vertex_of[nodes]
-        self._others[found[found >= 0]] = True
+        result = self._vertex_of[nodes]
+        self._others[result[result >= 0]] = True
         self.coupling = np.flatnonzero(self._others).astype(np.int32)
         self._mend(self.coupling)
 

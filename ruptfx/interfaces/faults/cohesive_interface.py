@@ -70,15 +70,15 @@ class TracedCohesion:
             derivative(self.damage, symbol(name)) for name in ("bond_opening", "bond_slip")
         )
         self.remaining_slope: Expression = derivative(self.remaining, symbol("bond_damage"))
-        given = list(self.parameters)
-        self._damage = to_numpy({"damage": self.damage}, ["bond_opening", "bond_slip", *given])
-        self._left = to_numpy({"left": self.remaining}, ["bond_damage", *given])
+        items = list(self.parameters)
+        self._damage = to_numpy({"damage": self.damage}, ["bond_opening", "bond_slip", *items])
+        self._left = to_numpy({"left": self.remaining}, ["bond_damage", *items])
 
     def damage_after(self, before: np.ndarray, opening: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return the damage at the largest opening and the whole slip so far [m], not less than before; shapes (n,)."""
         with np.errstate(all="ignore"):
-            (found,) = self._damage(opening, slip, *self.parameters.values())
-        return np.asarray(np.maximum(before, found))
+            (result,) = self._damage(opening, slip, *self.parameters.values())
+        return np.asarray(np.maximum(before, result))
 
     def strength_at(self, damage: np.ndarray, opening: np.ndarray, compliance: np.ndarray) -> CohesiveStrength:
         """Return the cohesive strength at a damage and a largest opening [m], shapes (n,)."""

@@ -125,14 +125,14 @@ class Fault:
             Initial slip rate from the velocities of the bodies [m/s].
         """
         n = len(self.interface.plus)
-        given = np.zeros((n, self.tangents)) if slip_rate is None else slip_rate
-        shear, speed = (np.linalg.norm(vector, axis=1) for vector in (self.shear_traction_0, given))
+        values = np.zeros((n, self.tangents)) if slip_rate is None else slip_rate
+        shear, speed = (np.linalg.norm(vector, axis=1) for vector in (self.shear_traction_0, values))
         with np.errstate(over="ignore"):  # `require_strength` refuses an overflow of the state
             law_state = self.friction.initial_state(self.normal_stress_0, shear, speed)
             creep = self.friction.carried_slip_rate(shear, self.normal_stress_0, law_state)
         creep = np.minimum(creep, self.friction.largest_initial_slip_rate())
         direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
-        rate = np.where(speed[:, None] > 0, given, creep[:, None] * direction)
+        rate = np.where(speed[:, None] > 0, values, creep[:, None] * direction)
         start = {
             "normal_stress": self.normal_stress_0, "opening": self.opening(self.interface.resting_jump),
             "slip": np.zeros_like(rate), "slip_rate": rate, "mean_slip_rate": rate,
@@ -173,12 +173,12 @@ class Fault:
         pressed = np.where(self.normal_stress_0 > 0, self.normal_stress_0, _TRIED_STRESS)
         for time, rate in itertools.product(_TRIED_TIMES, _TRIED_RATES):
             rates = np.full(len(pressed), rate)
-            found = law(rates, pressed, state, time, before=rates, speed_before=rates).strength
-            wrong = np.flatnonzero(~(found >= 0))
+            strength = law(rates, pressed, state, time, before=rates, speed_before=rates).strength
+            wrong = np.flatnonzero(~(strength >= 0))
             if len(wrong):
                 point = int(wrong[0])
                 raise CaseError(
-                    f"faults.{self.name}.friction: {self.friction.kind()} has a strength of {found[point]:.6g} Pa "
+                    f"faults.{self.name}.friction: {self.friction.kind()} has a strength of {strength[point]:.6g} Pa "
                     f"after {time:g} s at a slip rate of {rate:g} m/s under {pressed[point]:.6g} Pa, at position "
                     f"{self.interface.position[point]:.6g} m; it must not be negative: correct its parameters or, in a "
                     "plug-in, its strength (ruptfx check-law tries a law)"
@@ -293,7 +293,7 @@ def in_steps(faults: Iterable[Fault], way: Way, tied: bool) -> list[Fault]:
     CaseError
         Contact methods that have no counterpart there.
     """
-    found = []
+    steps = []
     for fault in faults:
         contact = fault.contact.in_steps(way, fault.slides or tied)
         if contact is None:
@@ -301,5 +301,5 @@ def in_steps(faults: Iterable[Fault], way: Way, tied: bool) -> list[Fault]:
                 f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': not for {way} steps; use 'compliant' "
                 "or 'split_node'"
             )
-        found.append(fault if contact is fault.contact else replace(fault, contact=contact))
-    return found
+        steps.append(fault if contact is fault.contact else replace(fault, contact=contact))
+    return steps

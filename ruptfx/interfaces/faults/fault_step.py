@@ -183,9 +183,9 @@ class FaultStep:
         ProjectionError
             If a point has no admissible traction.
         """
-        given = (state, displacement, velocity, force)
-        if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
-            self._bind(*given)
+        items = (state, displacement, velocity, force)
+        if not self._bound or any(a is not b for a, b in zip(self._bound, items, strict=True)):
+            self._bind(*items)
         self._times[-2:] = self.fault.threshold_at(time, self._threshold), time
         coupled = self._coupled
         if coupled is not None:

@@ -94,15 +94,15 @@ class InitialStress(Part):
         if tensor is not None:
             local = np.einsum("ikc,cd,id->ik", face.frame, tensor, face.frame[:, 0])
             return -local[:, 0], local[:, 1:]
-        given = self.at(face.locations)
-        normal = evaluate(given.normal, face.locations)
+        value = self.at(face.locations)
+        normal = evaluate(value.normal, face.locations)
         rate = law.given_slip_rate()
         carried = None
         if rate is not None:
             state = law.initial_state(normal, np.zeros_like(normal), np.zeros_like(normal))
             carried = law.strength(rate, normal, state) + np.zeros_like(normal)
         if self.shear is not None:
-            shear[:, 0] = evaluate(given.shear, face.locations)
+            shear[:, 0] = evaluate(value.shear, face.locations)
             if carried is not None and np.any(np.abs(np.abs(shear[:, 0]) - carried) > 1e-6 * normal):
                 keys = [f"friction.{name}" for name in type(law).model_fields if name.endswith("_initial")]
                 others = " and ".join(keys)
@@ -125,13 +125,13 @@ class InitialStress(Part):
             Initial shear traction [Pa].
         """
         tangents = shear.shape[1]
-        found = np.tile(self.direction(tangents), (len(shear), 1))
+        values = np.tile(self.direction(tangents), (len(shear), 1))
         if tangents == 2 and self.normal is None:
             size = np.linalg.norm(shear, axis=1)
             # Rounding against the other traction of the same point: a largest value would be that of a rank.
             sheared = size > 1e-9 * np.abs(normal)
-            found[sheared] = shear[sheared] / size[sheared, None]
-        return found
+            values[sheared] = shear[sheared] / size[sheared, None]
+        return values
 
     def direction(self, tangents: int) -> tuple[float, ...]:
         """Return the unit vector of `shear` along the tangents; the first tangent without a rake.

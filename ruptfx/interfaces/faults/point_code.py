@@ -132,14 +132,14 @@ class PointCode:
         places = {
             "FIXED": self._places, "STATE": _places(of_state), "BEGUN": _places(dict.fromkeys(law.start, 1)),
         }  # fmt: skip
-        found: dict[str, object] = {
+        symbols: dict[str, object] = {
             f"{kind}_PLACES": ", ".join(f"{kind}_{name} = {place}" for name, place in of_kind.items())
             for kind, of_kind in places.items()
         }
-        found |= {name: f"FIXED({name})" for name in self._places if name.startswith(("b_", "c_", "p_"))}
-        found |= {name: f"number[{place}]" for place, name in enumerate(self._number_names)}
-        found |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
-        return found | {name: f"BEGUN({name})" for name in law.start}
+        symbols |= {name: f"FIXED({name})" for name in self._places if name.startswith(("b_", "c_", "p_"))}
+        symbols |= {name: f"number[{place}]" for place, name in enumerate(self._number_names)}
+        symbols |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
+        return symbols | {name: f"BEGUN({name})" for name in law.start}
 
     def _strengths(self) -> dict[str, object]:
         return {} if self._cohesion is None else {"TENSILE_STRENGTH": "b_f_t", "COHESION": "b_c"}
@@ -157,7 +157,7 @@ class PointCode:
             opening_jump=opening, slip_jump=each("points->jump[NORMAL + {}][l]"), slip=each("OLD(slip + {})"),
             since=symbol("since"), dt=symbol("dt"), **known,
         ))  # fmt: skip
-        taken: Expression = record(
+        result: Expression = record(
             self._contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate"))
         )
         at = Moment(**{field.name: symbol(field.name) for field in fields(Moment)})
@@ -168,7 +168,7 @@ class PointCode:
                 **{f"points->trial_shear[{k}][l]": trial.shear_traction[k] for k in tangents},
                 **{f"points->z[{k}][l]": trial.impedance[k] for k in tangents},
             },
-            "DISSIPATED": {"taken": taken},
+            "DISSIPATED": {"taken": result},
             "MONITORS": {f"NEW({m.name})": m.update(symbol(f"OLD({m.name})"), at) for m in MONITORS},
         }  # fmt: skip
         if self._cohesion is not None:
@@ -198,22 +198,22 @@ class PointCode:
 
         shifted = point_step.shifted_trial(shear, each("points->z[{}][l]"), before, symbol("carried"))
         stored, trial = _stored(shifted, changes=False)
-        given = {
+        entries = {
             symbol("rate_before"): trial.rate_before, symbol("speed_before"): _in_points("speed_before"),
             symbol("normal_stress"): pressure, symbol("normal_stress_before"): pressure_before,
             symbol("radiation"): constant(0) if radiation is None else radiation, symbol("bond"): bond,
         }
-        begun = dict(zip(law.start, substituted(law.start.values(), given), strict=True))
-        (at_rest,) = substituted([law.outputs["strength"]], given | {symbol("slip_rate"): constant(0)})
+        begun = dict(zip(law.start, substituted(law.start.values(), entries), strict=True))
+        (at_rest,) = substituted([law.outputs["strength"]], entries | {symbol("slip_rate"): constant(0)})
         first = point_step.first_iterate(
             trial, _in_points("trial_normal"), sigma, symbol("at_rest[l]"),
             trial.rate_before if guess is None else guess, is_closed,
         )
         iterated, last = _stored(first, changes=True)
 
-        given[symbol("slip_rate")] = last.rate
+        entries[symbol("slip_rate")] = last.rate
         wanted = law.outputs | law.slopes
-        at: Table = dict(zip(wanted, substituted(wanted.values(), given), strict=True))
+        at: Table = dict(zip(wanted, substituted(wanted.values(), entries), strict=True))
         spread = at["rate_now"] / at["rate_slope"]
         following = point_step.next_iterate(
             last, trial, sigma, *map(symbol, ("strength", "slope", "spread", "bisects"))

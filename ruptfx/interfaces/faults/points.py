@@ -69,7 +69,7 @@ def closed_and_stuck(
         "opening_velocity": unknown, "slip_velocity": each_unknown, "normal_impedance": unknown,
         "shear_impedance": each_unknown,
     }  # fmt: skip
-    found = fault.contact.trial(Point(
+    trial = fault.contact.trial(Point(
         normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.driving_shear(time).T),
         opening_jump=fault.opening(opening), slip_jump=list(slip_jump.T), slip=list(slip.T), since=clock.since,
         dt=clock.dt, **(explicit | known),
@@ -78,8 +78,8 @@ def closed_and_stuck(
     def each(values: Sequence[Array]) -> list[np.ndarray]:
         return [np.broadcast_to(value, unknown.shape) for value in values]
 
-    normal, compliance = each([found.normal_stress, found.normal_compliance])
-    return Trial(normal, each(found.shear_traction), compliance, each(found.impedance))
+    normal, compliance = each([trial.normal_stress, trial.normal_compliance])
+    return Trial(normal, each(trial.shear_traction), compliance, each(trial.impedance))
 
 
 def frictional_power(fault: Fault, old: FaultState, new: FaultState, since: float) -> np.ndarray:

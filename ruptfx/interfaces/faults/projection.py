@@ -158,11 +158,11 @@ class TracedLaw:
     def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., Table], Callable[..., Expression]]:
         """Return `advance` and `strength`, whose errors give the line."""
 
-        def as_state(found: Any) -> dict[str, Expression]:
-            if not isinstance(found, Mapping) or set(found) != set(self.state_names):
-                shown = f"state {', '.join(found) or 'nothing'}" if isinstance(found, Mapping) else repr(found)
+        def as_state(value: Any) -> dict[str, Expression]:
+            if not isinstance(value, Mapping) or set(value) != set(self.state_names):
+                shown = f"state {', '.join(value) or 'nothing'}" if isinstance(value, Mapping) else repr(value)
                 raise RuptfxError(f"returns {shown}; state_fields declares {', '.join(self.state_names) or 'nothing'}")
-            return {name: _traced(found[name]) for name in self.state_names}
+            return {name: _traced(value[name]) for name in self.state_names}
 
         def advance(state: Table, *rest: Any) -> Table:
             return record(law.advance, _Given(state), *rest, as_=as_state)
@@ -179,10 +179,10 @@ class TracedLaw:
     @cached_property
     def _functions(self) -> tuple[Any, Any]:
         """Functions from the previous state to the known part of the step, and from there to the outputs."""
-        given = [*GIVEN, *self.parameters]
+        items = [*GIVEN, *self.parameters]
         return (
-            to_numpy(self.start, [*given, *(f"s_{name}" for name in self.state_names)]),
-            to_numpy({**self.outputs, **self.slopes}, [*given, *self.start]),
+            to_numpy(self.start, [*items, *(f"s_{name}" for name in self.state_names)]),
+            to_numpy({**self.outputs, **self.slopes}, [*items, *self.start]),
         )
 
     def __call__(
@@ -212,13 +212,13 @@ class TracedLaw:
         """
 
         stress_before = state.get("normal_stress", normal_stress)
-        given = (slip_rate, before, speed_before, normal_stress, stress_before, dt, extrapolation, radiation, bond,
+        items = (slip_rate, before, speed_before, normal_stress, stress_before, dt, extrapolation, radiation, bond,
                  *self.parameters.values())  # fmt: skip
         begin, finish = self._functions
         with np.errstate(all="ignore"):
-            found = finish(*given, *begin(*given, *(state[name] for name in self.state_names)))
+            result = finish(*items, *begin(*items, *(state[name] for name in self.state_names)))
         shape = np.shape(slip_rate)
-        named = {k: np.broadcast_to(v, shape) for k, v in zip({**self.outputs, **self.slopes}, found, strict=True)}
+        named = {k: np.broadcast_to(v, shape) for k, v in zip({**self.outputs, **self.slopes}, result, strict=True)}
         new = {name: named.pop(f"n_{name}") for name in self.state_names}
         return Evaluated(**named, state=new)
 

@@ -66,14 +66,14 @@ class Sides:
     def columns(self) -> dict[str, np.ndarray]:
         """Return what an interface file contains of them, each of shape (n,)."""
         modulus, speeds = self.modulus, self.speeds()
-        found = {"shear_modulus": modulus[:, 0, 0]} if modulus.shape[1] == 1 else {
+        entries = {"shear_modulus": modulus[:, 0, 0]} if modulus.shape[1] == 1 else {
             f"shear_modulus_{i + 1}{k + 1}": modulus[:, i, k] for i, k in ((0, 0), (1, 1), (0, 1))}  # fmt: skip
-        found |= dict(zip(("c_p", "c_s", "c_R"), speeds.T, strict=True))
+        entries |= dict(zip(("c_p", "c_s", "c_R"), speeds.T, strict=True))
         across = self.across.min(axis=0)[:, 1]
         if modulus.shape[1] > 1:
-            found["c_s_dip"] = across
-        found["fastest_wave"] = np.maximum(self.along[:, :, 0], self.across[:, :, 0]).max(axis=0)
-        return found
+            entries["c_s_dip"] = across
+        entries["fastest_wave"] = np.maximum(self.along[:, :, 0], self.across[:, :, 0]).max(axis=0)
+        return entries
 
 
 def sides_of(model: Discretisation, face: Interface) -> Sides:
@@ -176,8 +176,8 @@ def _values(model: Discretisation, number: int, cells: np.ndarray, frames: np.nd
     shape, plane = frames.shape[:2], model.plane
     lame = material.lame(plane)
     if lame is not None:
-        given = (*lame, material.density)
-        first, shear, density = (np.broadcast_to(np.asarray(value, dtype=float), shape) for value in given)
+        items = (*lame, material.density)
+        first, shear, density = (np.broadcast_to(np.asarray(value, dtype=float), shape) for value in items)
         c_s = np.sqrt(shear / density)
         c_p = c_s if plane == "antiplane" else np.sqrt((first + 2 * shear) / density)
         c_R = c_s if plane == "antiplane" else c_s * _rayleigh(c_s / c_p)
@@ -186,8 +186,8 @@ def _values(model: Discretisation, number: int, cells: np.ndarray, frames: np.nd
     reference = model.materials[number]
     flat = np.round(frames.reshape(-1, *frames.shape[2:]), DIGITS)
     directions, which = np.unique(flat, axis=0, return_inverse=True)
-    found = np.array([_anisotropic(reference, frame, plane, tangents) for frame in directions])
-    values = found[which.ravel()].reshape(*shape, -1)
+    result = np.array([_anisotropic(reference, frame, plane, tangents) for frame in directions])
+    values = result[which.ravel()].reshape(*shape, -1)
     # The stiffness of an anisotropic body is uniform; its density may vary.
     density = np.broadcast_to(np.asarray(material.density, float), shape)
     values[..., -5:] *= np.sqrt(reference.density / density)[..., None]

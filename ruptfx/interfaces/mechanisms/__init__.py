@@ -320,11 +320,11 @@ def kinds() -> tuple[type[Mechanism], ...]:
     modules = [import_module(f"{__name__}.{name}") for name in files]
     own = [each for module in modules for each in vars(module).values() if isinstance(each, type)
            and each.__module__ == module.__name__]  # fmt: skip
-    found = [each for each in own if issubclass(each, Mechanism)]
-    return tuple(sorted(found, key=lambda each: (each.order, each.__name__)))
+    items = [each for each in own if issubclass(each, Mechanism)]
+    return tuple(sorted(items, key=lambda each: (each.order, each.__name__)))
 
 
 def mechanisms_of(model: System) -> list[Mechanism]:
     """Return the mechanisms that a model has, in calling order."""
-    found = [*(kind(model) for kind in kinds() if kind.present(model)), *model.attachments]
-    return sorted(found, key=lambda each: (each.order, type(each).__name__))
+    items = [*(kind(model) for kind in kinds() if kind.present(model)), *model.attachments]
+    return sorted(items, key=lambda each: (each.order, type(each).__name__))

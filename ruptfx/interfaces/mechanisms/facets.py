@@ -105,9 +105,9 @@ class IntrinsicFacets(Facets, ImplicitForce):
         return pairs
 
     def respond(self, state: State, end: StepEnd) -> Reaction:
-        given = state, self.model.mass, end.displacement, end.dt
-        fields, _ = self._response.fields(*given)
-        return self._reaction(fields, lambda: self._response.stiffness(*given, fields))
+        items = state, self.model.mass, end.displacement, end.dt
+        fields, _ = self._response.fields(*items)
+        return self._reaction(fields, lambda: self._response.stiffness(*items, fields))
 
     def force_of(self, state: State) -> Reaction:
         return self._reaction(state.cracks, lambda: np.zeros((len(self._response.pairs), 2, 2)))
@@ -184,9 +184,9 @@ class ExtrinsicFacets(Facets):
             self._rigid.adopt(state.cracks)
             self._sum(None)
             self._adopted = state
-        found = self._rigid.grow(state, self.model.mass)
-        if len(found):
-            self._sum(found)
+        result = self._rigid.grow(state, self.model.mass)
+        if len(result):
+            self._sum(result)
 
     def combine(self, state: State, kick: Kick) -> None:
         self._rigid.total(state.force, state.force, self._rigid.summed_vertices)

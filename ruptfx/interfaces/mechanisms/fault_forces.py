@@ -41,13 +41,13 @@ class FaultForces(Faults):
         super().after_kick(state, kick)
 
     def add_resistance(self, state: State, force: Floats) -> None:
-        found = np.zeros_like(force)
+        values = np.zeros_like(force)
         for fault in self.faults:
             fields = state.faults[fault.name]
             shear = fault.components(fields, "shear_traction") - fault.driving_shear(state.fault_time)
-            fault.assemble(np.column_stack([fields["normal_stress"] - fault.normal_stress_0, -shear]), found)
-        self.model.layout.take_from_owners(found)
-        force += found
+            fault.assemble(np.column_stack([fields["normal_stress"] - fault.normal_stress_0, -shear]), values)
+        self.model.layout.take_from_owners(values)
+        force += values
 
     before_kick = Mechanism.before_kick
     after_kick = Mechanism.after_kick

@@ -63,8 +63,8 @@ class Faults(Mechanism):
         stored = dissipated = preload = 0.0
         for fault in self.faults:
             added = half * fault.interface.rate(state.velocity)
-            found = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
-            stored, dissipated = stored + found[0], dissipated + found[1]
+            elastic_energy = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
+            stored, dissipated = stored + elastic_energy[0], dissipated + elastic_energy[1]
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
         energies["interface_elastic"] += stored
         energies["frictional_dissipation"] += dissipated
@@ -88,12 +88,12 @@ class Faults(Mechanism):
         return iter(())
 
     def saved(self, state: State) -> Mapping[str, Rows]:
-        found = {}
+        entries = {}
         for fault in self.faults:
             fields = state.faults[fault.name] | state.points.get(fault.name, {})
             face = fault.interface
-            found[f"faults/{fault.name}"] = parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
-        return found
+            entries[f"faults/{fault.name}"] = parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
+        return entries
 
     def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
         for fault in self.faults:
@@ -113,10 +113,10 @@ class Faults(Mechanism):
         return fields | dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
 
     def nodes(self) -> NDArray[np.bool_]:
-        found = super().nodes()
+        result = super().nodes()
         for fault in self.faults:
-            found[fault.interface.nodes] = True
-        return found
+            result[fault.interface.nodes] = True
+        return result
 
     def bind(self, stepped: SteppedNodes) -> None:
         self.steps = []

@@ -145,7 +145,7 @@ class Memory(InsertedForce, ImplicitForce):
 
     def saved(self, state: State) -> Mapping[str, Rows]:
         numbering, comm = self.model.layout.numbering, self.model.comm
-        found: dict[str, Rows] = {}
+        entries: dict[str, Rows] = {}
         for name, law in self.model.memory_laws.items():
             sweep, number = self.model.memory.get(name), self._cells(name)
             every, group = np.ones(len(number), dtype=bool), {}
@@ -156,8 +156,8 @@ class Memory(InsertedForce, ImplicitForce):
                 columns = {str(point): rows[:, point] for point in points}
                 gathered = parallel.gather_fields(comm, number, every, columns)
                 group[field] = np.stack(list(gathered.values()), axis=1)
-            found[f"memory/{name}"] = group
-        return found
+            entries[f"memory/{name}"] = group
+        return entries
 
     def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
         numbering = self.model.layout.numbering

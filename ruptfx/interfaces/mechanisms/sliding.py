@@ -58,8 +58,8 @@ class SlidingFaults(Faults):
         assert isinstance(fault.interface, SlidingInterface)
         yield from rows.surface_rows(self.model, fault.name, fault.interface, plan.ends)
         yield from rows.spring_rows(self.model, fault, plan.stable)
-        found = roughness(self.model, self.model.case.mesh, fault, plan.ends)
-        yield from rows.rough_rows(f"faults.{fault.name}", found)
+        result = roughness(self.model, self.model.case.mesh, fault, plan.ends)
+        yield from rows.rough_rows(f"faults.{fault.name}", result)
 
     def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> SlidingStep:
         assert isinstance(fault.interface, SlidingInterface)

@@ -25,9 +25,9 @@ class Ties(Mechanism):
         return bool(model.bodies.ties)
 
     def nodes(self) -> NDArray[np.bool_]:
-        found = super().nodes()
-        found[self.model.layout.kept] = found[self.model.layout.copies] = True
-        return found
+        result = super().nodes()
+        result[self.model.layout.kept] = result[self.model.layout.copies] = True
+        return result
 
     def combine(self, state: State, kick: Kick) -> None:
         self.model.layout.sum_tied(state.force)

@@ -220,10 +220,10 @@ class StepFollower(Follower):
         dissipated : float
             Energy taken by friction and cohesion at the points of this rank [J].
         """
-        taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
+        result = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
         self._remember(state, *self._taken)
         stored = self._energy(state.faults[self.name], state.time) - self._stored_begun
-        state.add_energy(self.name, "impact_loss", taken - dissipated - stored)
+        state.add_energy(self.name, "impact_loss", result - dissipated - stored)
 
     def _pull_of(self, fields: FaultState) -> Floats:
         """Return J' W T [N]."""

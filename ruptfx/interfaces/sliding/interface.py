@@ -115,13 +115,13 @@ class Geometry:
         if not n:
             return
         there = self.minus.points if rigid else self.minus.points + displacement[n:]
-        found = self._mortar.find(self.plus.points + displacement[:n], there)
-        self.frame[:] = local_frame(np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1))
-        self._acting[:] = self.frame * found.covered[:, None, None]
-        self.opposite, self.weight[:], self.covered = found.coupling, found.weight, found.covered
+        result = self._mortar.find(self.plus.points + displacement[:n], there)
+        self.frame[:] = local_frame(np.stack([-result.tangent[:, 1], result.tangent[:, 0]], axis=1))
+        self._acting[:] = self.frame * result.covered[:, None, None]
+        self.opposite, self.weight[:], self.covered = result.coupling, result.weight, result.covered
         self.all_covered = bool(self.covered.all())
         none = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, COLUMNS)), 0)
-        self.coupling = none if rigid else found.coupling
+        self.coupling = none if rigid else result.coupling
         self._tabulate()
         apart = self.plus.points - self.opposite @ self.minus.points
         before = displacement if before is None else before
@@ -152,9 +152,9 @@ class Geometry:
 
     def opposite_values(self, values: Floats) -> Floats:
         """Return values of the minus side interpolated to the points; NaN for points without a partner."""
-        found = self.opposite @ values
-        found[~self.covered] = np.nan
-        return found
+        result = self.opposite @ values
+        result[~self.covered] = np.nan
+        return result
 
     @property
     def _far(self) -> float:
@@ -360,13 +360,13 @@ def _cells_of(space: fem.dolfinx.fem.FunctionSpace, facets: Integers) -> Integer
     inputs = mesh.geometry.input_global_indices[corners]
     wanted = {frozenset(facet) for facet in facets.tolist()}
     near = np.flatnonzero(np.isin(inputs, facets).sum(axis=1) > 1)
-    found = [
+    items = [
         (cell, number)
         for cell, vertices in zip(near.tolist(), inputs[near].tolist(), strict=True)
         for number, facet in enumerate(local)
         if frozenset(vertices[i] for i in facet) in wanted
     ]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    return np.array(items, dtype=np.int64).reshape(-1, 2)
 
 
 def _chain(

@@ -69,8 +69,8 @@ class Coupling:
         if not self.nodes:
             return np.zeros((len(self.first), *nodal.shape[1:]))
         columns = np.minimum(self.first[:, None] + np.arange(self.values.shape[1]), self.nodes - 1)
-        found: Floats = np.einsum("ij,ij...->i...", self.values, nodal[columns])
-        return found
+        values: Floats = np.einsum("ij,ij...->i...", self.values, nodal[columns])
+        return values
 
     def squared(self) -> Coupling:
         """Return the matrix with the squares of all entries."""
@@ -118,8 +118,8 @@ def dual_basis(plus: Surface, at: Floats, weights: Floats) -> Floats:
     table, corners = plus.basis.values(at), plus.points[plus.numbers]
     metric = np.linalg.norm(np.einsum("gb,fbc->fgc", plus.basis.slopes(at), corners), axis=2) * weights
     mass = np.einsum("fg,ga,gb->fab", metric, table, table)
-    found: Floats = np.einsum("fg,ga->fa", metric, table)[:, :, None] * np.linalg.inv(mass)
-    return found
+    result: Floats = np.einsum("fg,ga->fa", metric, table)[:, :, None] * np.linalg.inv(mass)
+    return result
 
 
 class Mortar:

@@ -79,19 +79,19 @@ class _Points(FaultStep):
         ProjectionError
             A point without an admissible traction; `state` and `velocity` are then of no use.
         """
-        given = (state, displacement, velocity, force)
-        if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
-            self._bind(*given)
+        items = (state, displacement, velocity, force)
+        if not self._bound or any(a is not b for a, b in zip(self._bound, items, strict=True)):
+            self._bind(*items)
         self._times[-2:] = self.fault.threshold_at(time, self._threshold), time
         _, times, _, _, displacements, velocities, forces, fixed, numbers, table, result = self._pointers
-        taken = self._library.slide(
+        value = self._library.slide(
             ctypes.byref(face.geometry.table), ctypes.byref(sweeps), times, numbers, fixed, table, displacements,
             self._before, velocities, forces, result,
         )  # fmt: skip
         if self._result[1] >= 0:
             self._code.fail(state, time, self._result)
         self.loss, self.fastest = float(self._result[6]), float(self._result[7])
-        return taken, float(self._result[0])
+        return value, float(self._result[0])
 
 
 class SlidingStep:

@@ -50,15 +50,15 @@ class Surface:
     def shares(self) -> Floats:
         """Length of the nodes of every facet, shape (facets, order + 1) [m]."""
         slopes = np.einsum("gb,fbc->fgc", self.basis.slopes(self.basis.points), self.points[self.numbers])
-        found: Floats = self.basis.weights * np.linalg.norm(slopes, axis=2)
-        return found
+        weights: Floats = self.basis.weights * np.linalg.norm(slopes, axis=2)
+        return weights
 
     @property
     def lengths(self) -> Floats:
         """Length of every node [m]."""
-        found = np.zeros(len(self.points))
-        np.add.at(found, self.numbers, self.shares)
-        return found
+        values = np.zeros(len(self.points))
+        np.add.at(values, self.numbers, self.shares)
+        return values
 
     @property
     def spacing(self) -> float:

@@ -22,5 +22,5 @@ class RigidContact(ContactMethod):
         if getattr(self, way) and not (coupled and way == "explicit" and self.sweeps_to() is None):
             return self
         module, name = BY_STEPS[way, coupled]
-        found: ContactMethod = getattr(import_module(f"ruptfx.laws.contact.{module}"), name)()
-        return found
+        steps: ContactMethod = getattr(import_module(f"ruptfx.laws.contact.{module}"), name)()
+        return steps

@@ -61,9 +61,9 @@ class Creeping(FrictionLaw):
     def initial_state(
         self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray
     ) -> LawState:
-        given = self.given_state(normal_stress)
-        if given is not None:
-            return given
+        value = self.given_state(normal_stress)
+        if value is not None:
+            return value
         speed = np.where(np.abs(slip_rate) > 0, np.abs(slip_rate), self.V_initial)
         # An unloaded or open point has no consistent state: use a stress of 1e-6 of the normal stress.
         pressure = np.where(normal_stress > 0, normal_stress, 1.0)

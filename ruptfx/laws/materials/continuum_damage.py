@@ -70,8 +70,8 @@ class ContinuumDamage(Prestressed):
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
         """Return the energy of the remaining stiffness less that at the start and the work of initial stress."""
         whole = self._twice_energy(self._elastic(strain) + self._initial)
-        begun, given = self._twice_energy(self._initial), self._initial.dot(strain)
-        return 0.5 * (self._remaining(state["growth"]) * whole - begun) - given
+        begun, value = self._twice_energy(self._initial), self._initial.dot(strain)
+        return 0.5 * (self._remaining(state["growth"]) * whole - begun) - value
 
     def _twice_energy(self, stress: Tensor) -> Any:
         """Return S : C^-1 : S of a stress S without damage [J/m3]."""

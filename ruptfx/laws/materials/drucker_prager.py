@@ -82,5 +82,5 @@ class DruckerPrager(Prestressed):
         """Return the elastic energy less what the initial stress has given to the plastic strain."""
         first, shear = self.lame("strain")
         elastic = strain - state["plastic_strain"]
-        trace, given = elastic.trace(), self._initial.dot(state["plastic_strain"])
-        return 0.5 * first * trace * trace + shear * elastic.dot(elastic) - given
+        trace, value = elastic.trace(), self._initial.dot(state["plastic_strain"])
+        return 0.5 * first * trace * trace + shear * elastic.dot(elastic) - value

@@ -68,9 +68,9 @@ class ByWaveSpeeds(Part):
         ValueError
             If no positive bulk modulus has these speeds.
         """
-        given = {name: _table(getattr(self, name)) for name in ("density", "c_p", "c_s")}
-        if any(isinstance(value, dict) for value in given.values()):
-            first, second = ({"kind": "elastic_constant", "quantity": name, **given} for name in BY_NAME)
+        entries = {name: _table(getattr(self, name)) for name in ("density", "c_p", "c_s")}
+        if any(isinstance(value, dict) for value in entries.values()):
+            first, second = ({"kind": "elastic_constant", "quantity": name, **entries} for name in BY_NAME)
             return first, second
         r = (self.c_p / self.c_s) ** 2
         if r <= 4 / 3:
@@ -110,10 +110,10 @@ class IsotropicElastic(Material):
                 raise ValueError(f"give either {' and '.join(keys)} or {' and '.join(wrong)}")
             try:
                 picked = {key: values[key] for key in other.model_fields if key in values}
-                given = other.model_validate(picked, context=info.context)
+                items = other.model_validate(picked, context=info.context)
             except ValidationError as error:
                 raise ValueError("; ".join(str(CaseError.from_validation(error)).splitlines())) from None
-            young, nu = given.young_and_poisson()
+            young, nu = items.young_and_poisson()
             rest = {key: value for key, value in values.items() if key not in keys}
             return {**rest, "young_modulus": young, "poisson_ratio": nu}
         return values

@@ -104,9 +104,9 @@ class OrthotropicElastic(Material):
     def stiffened(self, plane: Plane, compliance: Callable[[float], float]) -> OrthotropicElastic:
         """1 / E_1, 1 / E_2 and 1 / G_12 are less by those of the springs; strains across the stress remain."""
         less = self._of_springs(compliance)
-        given = np.array([self.E_1, self.E_2, self.G_12])
-        stiffer = 1 / (1 / given - less)
-        along_1, along_2 = (stiffer / given)[:2].tolist()
+        values = np.array([self.E_1, self.E_2, self.G_12])
+        stiffer = 1 / (1 / values - less)
+        along_1, along_2 = (stiffer / values)[:2].tolist()
         G_13, G_23 = self._antiplane()
         return self.model_copy(update={
             **dict(zip(("E_1", "E_2", "G_12"), stiffer.tolist(), strict=True)),

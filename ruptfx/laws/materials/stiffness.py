@@ -99,9 +99,9 @@ def _second_derivative(material: Material, plane: Plane, size: float) -> np.ndar
     import ufl
 
     dim = 3 if plane == "solid" else 2
-    given = size * np.cos(np.arange(dim**2)).reshape(dim, dim)
-    given = given[0] if plane == "antiplane" else 0.5 * (given + given.T)
-    strain = ufl.variable(ufl.as_tensor(given.tolist()))
+    value = size * np.cos(np.arange(dim**2)).reshape(dim, dim)
+    value = value[0] if plane == "antiplane" else 0.5 * (value + value.T)
+    strain = ufl.variable(ufl.as_tensor(value.tolist()))
     try:
         slope = ufl.diff(material.energy_density(strain, plane), strain)
         tangent = ufl.algorithms.expand_derivatives(ufl.diff(slope, strain))

@@ -32,11 +32,11 @@ class VonMises(Prestressed):
     """Relaxation time T of the stress beyond yield."""
 
     def check_values(self) -> None:
-        found, limit = np.broadcast_arrays(self._size(self._initial.deviator()), self.yield_stress)
-        if np.any(found > limit * (1 + ROUNDING)):
-            worst = int(np.argmax(found - limit))
+        value, limit = np.broadcast_arrays(self._size(self._initial.deviator()), self.yield_stress)
+        if np.any(value > limit * (1 + ROUNDING)):
+            worst = int(np.argmax(value - limit))
             raise PointError(
-                f"initial_stress: beyond yield, q = {found.flat[worst]:.4g} Pa above {limit.flat[worst]:.4g} Pa; raise "
+                f"initial_stress: beyond yield, q = {value.flat[worst]:.4g} Pa above {limit.flat[worst]:.4g} Pa; raise "
                 "yield_stress, or give a stress with smaller differences", worst,
             )
 
@@ -84,5 +84,5 @@ class VonMises(Prestressed):
         elastic = strain - plastic
         trace = elastic.trace()
         back = self.kinematic_hardening / 3 * plastic.dot(plastic)
-        given = self._initial.dot(plastic)
-        return 0.5 * first * trace * trace + shear * elastic.dot(elastic) + back - given
+        value = self._initial.dot(plastic)
+        return 0.5 * first * trace * trace + shear * elastic.dot(elastic) + back - value

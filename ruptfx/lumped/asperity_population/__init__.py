@@ -81,8 +81,8 @@ class AsperityPopulation(LumpedModel):
         alpha = self.shear_strengthening
         rate = np.arcsinh(np.asarray(slip_rate) / (2 * self.speeds[0]) * np.exp(1 / alpha))
         pressure = self.normal_force / (np.pi * self.tip_radius * area_height)
-        found: np.ndarray = alpha * self.shear_strength * rate / pressure
-        return found
+        result: np.ndarray = alpha * self.shear_strength * rate / pressure
+        return result
 
     def steady(self, slip_rate: float) -> float:
         """Return the friction coefficient of an infinite population in steady sliding, by quadrature."""

@@ -57,9 +57,9 @@ class Trace:
             return residual
 
         begin = [*np.log([float(start.a), float(start.b), float(start.D_c)]), float(start.f_0)]
-        found = least_squares(misfit, begin, x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4)
-        if not found.success:
+        result = least_squares(misfit, begin, x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4)
+        if not result.success:
             raise RuptfxError(
-                f"the fit of a law to the population failed: {found.message}; increase asperities or distance"
+                f"the fit of a law to the population failed: {result.message}; increase asperities or distance"
             )
-        return law(found.x), float(np.linalg.norm(found.fun))
+        return law(result.x), float(np.linalg.norm(result.fun))

@@ -61,7 +61,7 @@ class BurridgeKnopoff(LumpedModel):
         chain = self.chain
         dt = self.step * chain.stable_step()
         u = np.random.default_rng(self.seed).uniform(-1e-2, 1e-2, self.blocks)
-        found: list[Event] = []
+        items: list[Event] = []
         driven, force, first = [], [], []
         total = 0.0
         for number in range(self.discarded + self.events):
@@ -72,11 +72,11 @@ class BurridgeKnopoff(LumpedModel):
             forces, trigger = -u.mean(), int(np.argmax(chain.spring_force(u)))
             event = slip_event(chain, u, dt)
             if number >= self.discarded:
-                found.append(event)
+                items.append(event)
                 driven.append(total)
                 force.append([forces, -u.mean()])
                 first.append(trigger)
-        return self._dataset(found, np.array(driven), np.array(force), np.array(first))
+        return self._dataset(items, np.array(driven), np.array(force), np.array(first))
 
     def _dataset(
         self, events: list[Event], driven: np.ndarray, force: np.ndarray, first: np.ndarray

@@ -108,7 +108,7 @@ class MaxwellSlip(LumpedModel):
         amplitude = np.array([e.late_amplitude for e in ensembles]) / self.drop
         mean = amplitude.mean(axis=1)
         fine = np.geomspace(min(0.5, alphas.min()), max(1e5, alphas.max()), 40)
-        found = transition(alphas, mean, self.threshold)
+        result = transition(alphas, mean, self.threshold)
         limit = [large_number_limit(alpha, self.mu_s, self.mu_d, blocks=1000) for alpha in fine]
         to_time = length / self.drive_speed
         dataset = xarray.Dataset(
@@ -129,7 +129,7 @@ class MaxwellSlip(LumpedModel):
                 "law_amplitude": variable(
                     "alpha_fine", late_amplitude_law(fine, self.mu_s, self.mu_d), "1", "(2/pi) exp(-2 pi^2 s^2)"
                 ),
-                "alpha_c": variable((), found, "1", "alpha at the transition"),
+                "alpha_c": variable((), result, "1", "alpha at the transition"),
                 "slip_period": variable((), self.drop * to_time, "s", "slip period"),
             },
             coords={
@@ -141,7 +141,7 @@ class MaxwellSlip(LumpedModel):
                 "force_per_block": per_block,
             },
         )
-        return dataset.merge(self._surfaces(self.layer.alpha_c or found), combine_attrs="drop_conflicts")
+        return dataset.merge(self._surfaces(self.layer.alpha_c or result), combine_attrs="drop_conflicts")
 
     def _surfaces(self, alpha_c: float) -> xarray.Dataset:
         """Return R_a, critical range, range of alpha and verdict of every surface."""

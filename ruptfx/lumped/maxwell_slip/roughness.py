@@ -111,8 +111,8 @@ class Surface(Part):
     @model_validator(mode="after")
     def _one_measure(self) -> Surface:
         if sum(value is not None for value in (self.R_a, self.R_q, self.profile)) != 1:
-            given = [key for key in ("R_a", "R_q", "profile") if getattr(self, key) is not None]
-            raise ValueError(f"give exactly one of R_a, R_q, profile, not {' and '.join(given) or 'none'}")
+            items = [key for key in ("R_a", "R_q", "profile") if getattr(self, key) is not None]
+            raise ValueError(f"give exactly one of R_a, R_q, profile, not {' and '.join(items) or 'none'}")
         if self.cutoff is not None and self.profile is None:
             raise ValueError(f"cutoff = {self.cutoff:g} m filters a profile; give profile, or remove cutoff")
         return self
@@ -167,10 +167,10 @@ def read_profile(path: str | Path, unit: float | None = None) -> tuple[np.ndarra
 
 def _scales(table: NumberTable, unit: float | None) -> list[Fraction]:
     """Return metres per unit of each column, from the header or the given unit."""
-    found = list(table.factors(dict.fromkeys(range(table.width), "m")).values())
+    items = list(table.factors(dict.fromkeys(range(table.width), "m")).values())
     if unit is None:
-        return [scale or Fraction(1) for scale in found]
-    wrong = next((scale for scale in found if scale not in (None, Fraction(str(unit)))), None)
+        return [scale or Fraction(1) for scale in items]
+    wrong = next((scale for scale in items if scale not in (None, Fraction(str(unit)))), None)
     if wrong is not None:
         raise ValueError(
             f"{table.path}: its header gives a unit of {float(wrong):g} m, and profile_unit = {unit:g} m; remove "

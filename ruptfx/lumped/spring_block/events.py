@@ -28,15 +28,15 @@ class Breaks:
 
     def detachments(self) -> tuple[np.ndarray, np.ndarray]:
         """Return times and blocks at which half of a block's contacts are detached, in chronological order."""
-        found = []
+        items = []
         for block in range(len(self.contacts)):
             mine = self.block == block
             after = self.detached(block, self.time[mine])
             before = after - self.count[mine] / self.contacts[block]
-            found.append(self.time[mine][(after >= 0.5) & (before < 0.5)])
-        blocks = np.repeat(np.arange(len(found)), [len(times) for times in found])
-        order = np.argsort(np.concatenate(found), kind="stable")
-        return np.concatenate(found)[order], blocks[order]
+            items.append(self.time[mine][(after >= 0.5) & (before < 0.5)])
+        blocks = np.repeat(np.arange(len(items)), [len(times) for times in items])
+        order = np.argsort(np.concatenate(items), kind="stable")
+        return np.concatenate(items)[order], blocks[order]
 
 
 @dataclass(frozen=True)

@@ -63,16 +63,16 @@ class Fit(Experiment):
             except RuptfxError:  # this trial is unstable; return a large misfit
                 return np.full(len(time), 1.0)
 
-        found = least_squares(misfit, start, method="trf", x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4, xtol=1e-9)
-        if not found.success:
-            raise RuptfxError(f"the fit of {self.trace} failed: {found.message}; start closer with friction.a, b, D_c")
-        low, high = _interval(found.x, found.jac, found.fun, self.confidence)
-        values, low, high = (np.array([*np.exp(x[:3]), x[3]]) for x in (found.x, low, high))
+        result = least_squares(misfit, start, method="trf", x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4, xtol=1e-9)
+        if not result.success:
+            raise RuptfxError(f"the fit of {self.trace} failed: {result.message}; start closer with friction.a, b, D_c")
+        low, high = _interval(result.x, result.jac, result.fun, self.confidence)
+        values, low, high = (np.array([*np.exp(x[:3]), x[3]]) for x in (result.x, low, high))
         fields = {
             "measured": variable("time", measured, "1", "measured friction coefficient"),
-            "fitted": variable("time", measured + found.fun, "1", "fitted friction coefficient"),
+            "fitted": variable("time", measured + result.fun, "1", "fitted friction coefficient"),
             "drive_speed": variable("time", drive, "m/s", "speed of the drive"),
-            "misfit": variable((), float(np.sqrt(np.mean(found.fun**2))), "1", "RMS misfit"),
+            "misfit": variable((), float(np.sqrt(np.mean(result.fun**2))), "1", "RMS misfit"),
         }
         for name, value, lower, upper in zip(_FITTED, values, low, high, strict=True):
             unit = "m" if name == "D_c" else "1"
@@ -118,14 +118,14 @@ def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         Columns missing, entries that are no numbers, too few rows, times that do not increase.
     """
     try:
-        found = read_table(Path(path), is_named=True)
-        columns = found.named(_COLUMNS)
+        result = read_table(Path(path), is_named=True)
+        columns = result.named(_COLUMNS)
         if missing := [name for name in _COLUMNS if name not in columns]:
             raise ValueError(
                 f"{path}: column {', '.join(missing)} is missing; the first line must name {', '.join(_COLUMNS)}"
             )
-        table = np.array([found.column(*columns[name]) for name in _COLUMNS]).T
-        require_increasing(table[:, 0], found.lines, path)
+        table = np.array([result.column(*columns[name]) for name in _COLUMNS]).T
+        require_increasing(table[:, 0], result.lines, path)
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     if len(table) < 20:

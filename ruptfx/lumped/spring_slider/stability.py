@@ -154,7 +154,7 @@ def onset(slider: Slider, speed: float) -> tuple[float, float]:
     The growth rate is the slope of the logarithm of successive maxima of ln theta over ten periods.
     """
     guess, omega = critical_stiffness(slider, speed)
-    found = {}
+    entries = {}
 
     def growth(ratio: float) -> float:
         trial = slider.with_stiffness(ratio * guess)
@@ -168,12 +168,12 @@ def onset(slider: Slider, speed: float) -> tuple[float, float]:
         shift = 0.5 * (left - right) / (left - 2 * middle + right)
         times = motion.time[inner] + shift * (motion.time[1] - motion.time[0])
         heights = middle - 0.25 * (left - right) * shift
-        found["omega"] = 2 * np.pi / np.polyfit(np.arange(len(times) - 1), times[1:], 1)[0]
+        entries["omega"] = 2 * np.pi / np.polyfit(np.arange(len(times) - 1), times[1:], 1)[0]
         return float(np.polyfit(times[1:], np.log(heights[1:]), 1)[0])
 
     ratio = brentq(growth, 0.9, 1.1, xtol=1e-6)
     growth(ratio)
-    return float(ratio * guess), float(found["omega"])
+    return float(ratio * guess), float(entries["omega"])
 
 
 class ModulatedLoad(Experiment):
@@ -249,13 +249,13 @@ class ModulatedLoad(Experiment):
         def defect(z: np.ndarray) -> np.ndarray:
             return self._cycle(slider, z * scale, eps).end / scale - z
 
-        found, _, status, message = fsolve(defect, start / scale, full_output=True, xtol=1e-10, epsfcn=1e-10)
-        if status != 1 and np.abs(defect(found)).max() > 1e-6:
+        result, _, status, message = fsolve(defect, start / scale, full_output=True, xtol=1e-10, epsfcn=1e-10)
+        if status != 1 and np.abs(defect(result)).max() > 1e-6:
             raise RuptfxError(
                 f"no periodic sliding found at load amplitude {eps:g}: {message.strip()}; decrease "
                 "experiment.amplitudes"
             )
-        return self._cycle(slider, found * scale, eps, self.samples)
+        return self._cycle(slider, result * scale, eps, self.samples)
 
     def _friction(self, slider: Slider) -> float:
         return float(np.asarray(slider.law.steady_strength(self.speed, slider.normal_force))) / slider.normal_force

@@ -141,7 +141,7 @@ def schedule(steps: int, of_step: float, of_checkpoint: float, most: float) -> S
         )
     largest = min(int((most - 2 * of_step) // of_checkpoint), steps - 1)
     counts = {*range(min(largest, 64) + 1), *np.geomspace(1, largest + 1, 400).astype(int).tolist(), largest + 1}
-    found = []
+    items = []
     for stored in counts:
         length = min(int((most - stored * of_checkpoint) // of_step) - 1, steps)
         if stored > largest or length < 1:
@@ -149,5 +149,5 @@ def schedule(steps: int, of_step: float, of_checkpoint: float, most: float) -> S
         length = -(-steps // -(-steps // length))  # segments of equal length
         segments = -(-steps // length)
         kept = min(stored, segments - 1)
-        found.append(Schedule(steps, length, kept, kept * of_checkpoint + (length + 1) * of_step))
-    return min(found, key=lambda each: (each.forward_steps, each.memory))
+        items.append(Schedule(steps, length, kept, kept * of_checkpoint + (length + 1) * of_step))
+    return min(items, key=lambda each: (each.forward_steps, each.memory))

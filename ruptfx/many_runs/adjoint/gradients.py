@@ -93,9 +93,9 @@ class Objective:
         def requests(model: Model, dt: float, steps: int) -> list[Request]:
             # Stress of one everywhere: what contains the initial stress has an offset.
             bodies = ModelReadings(model, lambda points: np.ones((len(points), 6)))
-            found = [term.requests(bodies, f"objective.{number}") for number, term in enumerate(self.terms)]
-            self._counts = [len(each) for each in found]
-            whole = [each for of_term in found for each in of_term]
+            items = [term.requests(bodies, f"objective.{number}") for number, term in enumerate(self.terms)]
+            self._counts = [len(each) for each in items]
+            whole = [each for of_term in items for each in of_term]
             names.extend(each.channel.name if isinstance(each, Trace) else each.field for each in whole)
             return whole
 
@@ -119,20 +119,20 @@ class Objective:
     def _derivatives(self, factors: list[Floats], unknowns: Sequence[Unknown], tell: Told) -> list[Derivative]:
         every = chosen(self.sweeps.model, unknowns, self.terms)
         of_bodies = self._by_constants(factors, [place for _, place in every if place.constant is not None], tell)
-        found = [each for each in every if each[1].of_points]
-        loaded = {key.key: np.zeros(0) for key, _ in found}
+        items = [each for each in every if each[1].of_points]
+        loaded = {key.key: np.zeros(0) for key, _ in items}
         points = self.sweeps.points
-        for _, place in found:
+        for _, place in items:
             loaded[place.key] = np.zeros(len(points[place.fault].fault.interface.weight))
 
         def each_step(fault: int, time: float, of_parameters: Floats) -> None:
-            for _, place in found:
+            for _, place in items:
                 if place.nucleation is not None and place.fault == fault:
                     acts_on = points[fault].fault
                     of_shear = np.einsum("nk,kn->n", acts_on.shear_direction, of_parameters[1 : 1 + acts_on.tangents])
                     loaded[place.key] += place.nucleation.shear_traction(acts_on.interface.locations, time) * of_shear
 
-        gradient = self.sweeps.adjoint(factors, each_step, tell) if found else []
+        gradient = self.sweeps.adjoint(factors, each_step, tell) if items else []
         result = []
         for unknown, place in every:
             if place.constant is not None:
@@ -147,33 +147,33 @@ class Objective:
             result.append(Derivative(unknown, place, self._whole(place.fault, here)))
         return result
 
-    def _by_constants(self, factors: list[Floats], found: list[Place], tell: Told) -> dict[str, Floats]:
+    def _by_constants(self, factors: list[Floats], items: list[Place], tell: Told) -> dict[str, Floats]:
         """Return the derivatives by constants of bodies, by key: a tangent-linear sweep for each, all in one run."""
         sweeps = self.sweeps
-        changes = [ConstantChange(sweeps.model, *place.constant) for place in found if place.constant is not None]
+        changes = [ConstantChange(sweeps.model, *place.constant) for place in items if place.constant is not None]
         readings = sweeps.tangents_of_bodies(changes, tell)
         return {
             place.key: np.array([sum(float(a @ b) for a, b in zip(factors, of_constant, strict=True))])
-            for place, of_constant in zip(found, readings, strict=True)
+            for place, of_constant in zip(items, readings, strict=True)
         }  # fmt: skip
 
     def _by_term(self, number: int, parameter: str) -> Floats:
         """Return the derivative of all readings, one after the other, by a parameter of a term."""
         ends = np.cumsum([0, *self._counts]).tolist()
-        samples, found = self.sweeps.samples, list[Floats]()
+        samples, result = self.sweeps.samples, list[Floats]()
         for n, (begin, end) in enumerate(pairwise(ends)):
             mine = samples[begin:end]
-            found += self.terms[n].change(parameter, mine) if n == number else [np.zeros(len(s.values)) for s in mine]
-        return np.concatenate(found)
+            result += self.terms[n].change(parameter, mine) if n == number else [np.zeros(len(s.values)) for s in mine]
+        return np.concatenate(result)
 
     def residuals(self) -> tuple[Floats, Floats] | None:
         """Return the residuals of all readings and their derivatives by the values; None if a term has none."""
-        samples, found = self.sweeps.samples, []
+        samples, result = self.sweeps.samples, []
         for term, (begin, end) in zip(self.terms, pairwise(np.cumsum([0, *self._counts]).tolist()), strict=True):
             if (of_term := term.residuals(samples[begin:end])) is None:
                 return None
-            found += of_term
-        return np.concatenate([r for r, _ in found]), np.concatenate([factor for _, factor in found])
+            result += of_term
+        return np.concatenate([r for r, _ in result]), np.concatenate([factor for _, factor in result])
 
     def change(
         self, changes: Sequence[tuple[Place, Floats]], tell: Told = lambda done, text: None
@@ -318,14 +318,14 @@ def gradient(
     terms = [objective] if isinstance(objective, Misfit) else list(objective or case.objective)
     if not terms:
         raise CaseError("objective: there is none; add an entry [[objective]], such as kind = 'final_slip'")
-    given = [Unknown(key=each) if isinstance(each, str) else each for each in unknowns] or list(case.unknowns)
+    items = [Unknown(key=each) if isinstance(each, str) else each for each in unknowns] or list(case.unknowns)
     show = progress and comm.rank == 0
     if cores > 1 or scheduler is not None:
         check_use(check, comm)
     with working("building the model", show):
         model = Model(case, comm)
     refuse(model)
-    chosen(model.in_steps("explicit"), given, terms)  # refuses unknown keys before the first step
+    chosen(model.in_steps("explicit"), items, terms)  # refuses unknown keys before the first step
     with Progress(show) as bar:
         made = Objective(case, terms, comm, memory, bar.update, model)
     if not np.isfinite(made.value):
@@ -333,9 +333,9 @@ def gradient(
             f"objective = {made.value:g}: its gradient is no number; give a larger sigma, in the SI unit of the data"
         )
     with Progress(show) as bar:
-        found = made.gradient(given, bar.update)
-    for each in given:
-        values = next(one.values for one in found if one.unknown.key == each.key)
+        result = made.gradient(items, bar.update)
+    for each in items:
+        values = next(one.values for one in result if one.unknown.key == each.key)
         if np.any(values):
             continue
         if made.value == 0 and any(np.any(sample.values) for _, sample in made.samples):
@@ -348,13 +348,13 @@ def gradient(
             f"unknowns: the objective does not depend on '{each.key}', its gradient is zero at all points; remove "
             "it, or choose an objective that feels it"
         )
-    dataset = made.dataset(found)
+    dataset = made.dataset(result)
     if check:
         with ExitStack() as stack:
             at_once = None
             if cores > 1 or scheduler is not None:
                 at_once = stack.enter_context(runs_at_once(case, terms, cores, scheduler))
-            compared = compare(made, found, tell=stack.enter_context(Progress(show)).update, at_once=at_once)
+            compared = compare(made, result, tell=stack.enter_context(Progress(show)).update, at_once=at_once)
         for other in compared:
             dataset[other.key].attrs |= {"by_differences": other.by_differences, "difference_step": other.change}
     return dataset

@@ -121,8 +121,8 @@ class PointMap:
         }  # fmt: skip
         return native.load(
             "point_map", "#include <math.h>\n" + "\n".join(
-                _function(name, [*known, *more], substituted(found, {step.v: step.v_found}))
-                for name, (found, more) in functions.items()
+                _function(name, [*known, *more], substituted(result, {step.v: step.v_found}))
+                for name, (result, more) in functions.items()
             )
         )  # fmt: skip
 
@@ -139,13 +139,13 @@ class PointMap:
     def _library_of_impedances(self) -> ctypes.CDLL:
         """The function `push` with the impedances among the inputs; few need it, and it takes time to compile."""
         pushed, names = self._pushed(self._step, [*self.inputs, *self._impedances])
-        found = substituted(pushed, {self._step.v: self._step.v_found})
-        code = _function("push", [*self.inputs, *self._found, *self._known, *names], found)
+        result = substituted(pushed, {self._step.v: self._step.v_found})
+        code = _function("push", [*self.inputs, *self._found, *self._known, *names], result)
         return native.load("point_map_impedances", "#include <math.h>\n" + code)
 
     # -- products -------------------------------------------------------------------------------------------------
 
-    def value(self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats) -> Floats:
+    def value(self, clock: int, numbers: Clock, history: Floats, parameters: Floats, values: Floats) -> Floats:
         """Return the outputs of a step, shape (outputs, n).
 
         Parameters
@@ -155,27 +155,27 @@ class PointMap:
         numbers : Clock
             Its times.
         history, parameters : ndarray, shapes (history, n) and (parameters, n)
-        found : ndarray, shape (tangents + 2, n)
+        values : ndarray, shape (tangents + 2, n)
             Mean slip rate of the step [m/s], 1 where points are stuck, 1 where they are open.
         """
-        return self._call("value", clock, numbers, [history, parameters, found], len(self.outputs))
+        return self._call("value", clock, numbers, [history, parameters, values], len(self.outputs))
 
     def push(
-        self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats, changes: Floats
+        self, clock: int, numbers: Clock, history: Floats, parameters: Floats, values: Floats, changes: Floats
     ) -> Floats:
         """Return the changes of the outputs from those of the inputs, shape (inputs, n); other arguments as `value`.
 
         After the inputs there may be changes of the normal impedance and of the shear impedances.
         """
-        blocks = [history, parameters, found]
+        blocks = [history, parameters, values]
         library = self._library if len(changes) == len(self.inputs) else self._library_of_impedances
         return self._call("push", clock, numbers, blocks, len(self.outputs), changes, library)
 
     def pull(
-        self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats, factors: Floats
+        self, clock: int, numbers: Clock, history: Floats, parameters: Floats, values: Floats, factors: Floats
     ) -> Floats:
         """Return the factors of the inputs from those of the outputs, shape (outputs, n); the rest as `value`."""
-        return self._call("pull", clock, numbers, [history, parameters, found], len(self.inputs), factors)
+        return self._call("pull", clock, numbers, [history, parameters, values], len(self.inputs), factors)
 
     def found(self, history: Floats, after: Floats, clock: Clock) -> Floats:
         """Return slip rate and branch of a step from the histories of this step and the next one."""
@@ -246,14 +246,14 @@ class _Step:
         sigma: Any = np.where(opened > 0, 0.0, trial.normal_stress)
         carried = point_step.shifted_trial(shear, z, before, symbol("carried"))
         self.free = carried.free_rate
-        given = {
+        entries = {
             symbol("slip_rate"): v, symbol("rate_before"): carried.rate_before,
             symbol("speed_before"): point_step.length(before), symbol("normal_stress"): sigma,
             symbol("normal_stress_before"): sigma_before, symbol("radiation"): constant(0), symbol("bond"): constant(0),
         }  # fmt: skip
-        begun = dict(zip(map(symbol, law.start), substituted(law.start.values(), given), strict=True))
+        begun = dict(zip(map(symbol, law.start), substituted(law.start.values(), entries), strict=True))
         of_law: dict[str, Any] = dict(
-            zip(law.outputs, substituted(law.outputs.values(), {**given, **begun}), strict=True)
+            zip(law.outputs, substituted(law.outputs.values(), {**entries, **begun}), strict=True)
         )
         balance = point_step.balance(carried, v, of_law["strength"], of_law["slope"])
         self.balance = balance.residual
@@ -312,8 +312,8 @@ class InitialMap:
 
     def __init__(self, fault: Fault, names: list[str], memory: list[str], slip_rate: Floats | None) -> None:
         t, self._n, self._names = range(fault.tangents), len(fault.interface.weight), names
-        given = np.zeros((self._n, len(t))) if slip_rate is None else slip_rate
-        self._given = np.ascontiguousarray(given.T)
+        values = np.zeros((self._n, len(t))) if slip_rate is None else slip_rate
+        self._given = np.ascontiguousarray(values.T)
         rate: list[Any] = [symbol(f"given_{k}") for k in t]
         shear_0: list[Any] = [symbol(f"shear_traction_0_{k}") for k in t]
         shear, speed, sigma = point_step.length(shear_0), point_step.length(rate), symbol("normal_stress_0")
@@ -365,11 +365,11 @@ class InitialMap:
 def _function(name: str, inputs: Sequence[str], outputs: Sequence[Expression]) -> str:
     """Return a C function from rows of arrays to rows of arrays, point by point."""
     numbers = "".join(f"const double {each} = numbers[{i}]; (void){each};\n" for i, each in enumerate(NUMBERS))
-    given = "".join(f"const double {each} = in[{i}][l]; (void){each};\n" for i, each in enumerate(inputs))
+    value = "".join(f"const double {each} = in[{i}][l]; (void){each};\n" for i, each in enumerate(inputs))
     body = to_c({f"out[{i}][l]": each for i, each in enumerate(outputs)})
     return (
         f"void {name}(long n, const double *numbers, const double *const *in, double *const *out)\n{{\n{numbers}"
-        f"for (long l = 0; l < n; l++) {{\n{given}{body}\n}}\n}}\n"
+        f"for (long l = 0; l < n; l++) {{\n{value}{body}\n}}\n}}\n"
     )
 
 
@@ -380,10 +380,10 @@ def _rows(block: Floats) -> NDArray[np.uintp]:
 
 def _sums(expressions: Sequence[Expression], factors: Sequence[Any]) -> dict[Expression, Expression]:
     """Return the factor of every expression; equal expressions are one, with the sum of their factors."""
-    found: dict[Expression, Any] = {}
+    sums: dict[Expression, Any] = {}
     for expression, factor in zip(expressions, factors, strict=True):
-        found[expression] = found[expression] + factor if expression in found else factor
-    return found
+        sums[expression] = sums[expression] + factor if expression in sums else factor
+    return sums
 
 
 def _as_expression(value: Any) -> Expression:

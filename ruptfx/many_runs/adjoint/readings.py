@@ -72,14 +72,14 @@ class Readings:
             vector = np.zeros(model.nodes * model.components)
             np.add.at(vector, places, weights)
             model.layout.sum_shared(vector)
-            found = np.flatnonzero(vector)
-            return found, vector[found]
+            values = np.flatnonzero(vector)
+            return values, vector[values]
         face = self._faults[field.split("/")[0]].interface
         rows = parallel.share_rows(model.comm, np.column_stack([face.number[places], weights]))
         whole = np.zeros(face.total)
         np.add.at(whole, rows[:, 0].astype(int), rows[:, 1])
-        found = np.flatnonzero(whole[face.number])
-        return found, whole[face.number[found]]
+        values = np.flatnonzero(whole[face.number])
+        return values, whole[face.number[values]]
 
     # -- reading ---------------------------------------------------------------------------------------------------
 
@@ -124,14 +124,14 @@ class Readings:
         keys = list(self._series)
         summed = parallel.total(self._model.comm, np.array([self._series[key] for key in keys]))
         series = dict(zip(keys, summed, strict=True))
-        found = []
+        items = []
         for number, request in enumerate(self.requests):
             if isinstance(request, Final):
                 face = self._faults[request.fault].interface
                 whole = np.zeros(face.total)
                 whole[face.number[face.owned]] = self._final[number][face.owned]
                 position, weight = self._orders[request.fault]
-                found.append(Sample(position, parallel.total(self._model.comm, whole), weight))
+                items.append(Sample(position, parallel.total(self._model.comm, whole), weight))
                 continue
             clocks = [clock for clock, which in keys if which == number]
             times = self._times(request, clocks[0])
@@ -141,8 +141,8 @@ class Readings:
                 known = filtered(own, raw, request.bandwidth)
                 values += np.interp(times, own, known)
                 slopes += _slopes(times, own, known)
-            found.append(Sample(times, values, np.ones(len(times)), slopes))
-        return found
+            items.append(Sample(times, values, np.ones(len(times)), slopes))
+        return items
 
     def _times(self, request: Trace, clock: str) -> Floats:
         return request.times if request.times is not None else self._clock(clock, np.zeros(self._steps + 1))[0]
@@ -182,14 +182,14 @@ class Readings:
     def _clock_transposed(self, clock: str, factor: Floats) -> Floats:
         if clock in NODAL:
             return factor
-        found = np.zeros(self._steps + 1)
+        clock_transposed = np.zeros(self._steps + 1)
         if clock == "faults":
-            found[1:] = factor
-            return found
+            clock_transposed[1:] = factor
+            return clock_transposed
         rate = factor[1:] / np.diff(np.maximum(np.arange(self._steps + 1) - 0.5, 0.0) * self._dt)
-        found[1:] += rate
-        found[:-1] -= rate
-        return found
+        clock_transposed[1:] += rate
+        clock_transposed[:-1] -= rate
+        return clock_transposed
 
 
 class Seeds:
@@ -223,17 +223,17 @@ class Seeds:
 def _filtered_transposed(times: Floats, factor: Floats, bandwidth: float | None) -> Floats:
     if bandwidth is None:
         return factor
-    constant, found, carried = 0.5 / np.pi / bandwidth, np.zeros_like(factor), 0.0
+    constant, filtered_transposed, carried = 0.5 / np.pi / bandwidth, np.zeros_like(factor), 0.0
     for n in range(len(factor) - 1, 0, -1):
         # smooth_n = x_n - lag + (smooth_(n-1) - x_(n-1) + lag) decay, lag = (x_n - x_(n-1)) constant / step
         step = times[n] - times[n - 1]
         decay, per = np.exp(-step / constant), constant / step
         carried += factor[n]
-        found[n] += carried * (1 - per + per * decay)
-        found[n - 1] += carried * (per - decay - per * decay)
+        filtered_transposed[n] += carried * (1 - per + per * decay)
+        filtered_transposed[n - 1] += carried * (per - decay - per * decay)
         carried *= decay
-    found[0] += carried + factor[0]
-    return found
+    filtered_transposed[0] += carried + factor[0]
+    return filtered_transposed
 
 
 def _slopes(times: Floats, own: Floats, values: Floats) -> Floats:
@@ -244,9 +244,9 @@ def _slopes(times: Floats, own: Floats, values: Floats) -> Floats:
 
 
 def _interpolated_transposed(times: Floats, own: Floats, factor: Floats) -> Floats:
-    found = np.zeros(len(own))
+    values = np.zeros(len(own))
     after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
     part = np.clip((times - own[after - 1]) / (own[after] - own[after - 1]), 0.0, 1.0)
-    np.add.at(found, after - 1, (1 - part) * factor)
-    np.add.at(found, after, part * factor)
-    return found
+    np.add.at(values, after - 1, (1 - part) * factor)
+    np.add.at(values, after, part * factor)
+    return values

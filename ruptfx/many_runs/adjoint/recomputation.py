@@ -153,12 +153,12 @@ class Recomputation:
     def _first_checkpoints(self) -> list[int]:
         """Return the segments before which the backward sweep finds its checkpoints."""
         assert self.schedule is not None
-        found, first, free = [], 0, self.schedule.stored
+        first_checkpoints, first, free = [], 0, self.schedule.stored
         while free and self.schedule.segments - first > 1:
             first += split(self.schedule.segments - first, free + 1)
-            found.append(first)
+            first_checkpoints.append(first)
             free -= 1
-        return found
+        return first_checkpoints
 
     def _step(self, state: State) -> None:
         error, comm = None, self._model.comm

@@ -146,10 +146,10 @@ class Sweeps:
 
     def _point_map(self, motion: LeapfrogMotion, number: int) -> PointMap:
         fault = self.model.faults[number]
-        found = [
+        items = [
             impedances(fault.interface, motion.nodes.inverse_mass(kick), kick.clock.kick) for kick in motion.nodes.kicks
         ]
-        return PointMap(fault, [normal for normal, _ in found], [shear for _, shear in found])
+        return PointMap(fault, [normal for normal, _ in items], [shear for _, shear in items])
 
     def run_again(self, tell: Told = lambda done, text: None) -> list[Sample]:
         """Make the run, fill the history and return the readings; collective."""
@@ -196,9 +196,9 @@ class Sweeps:
                 if (load := loads(number, time)) is not None:
                     dp = dp.copy()
                     dp[1 : 1 + points.fault.tangents] += points.fault.shear_direction.T * load
-                given = np.concatenate([face.rate(u).T, face.rate(v).T, memory[number], dp])
-                found = points.found(row, visit.after[number], clock)
-                changed = points.push(kick, clock, row, parameters, found, given)
+                values = np.concatenate([face.rate(u).T, face.rate(v).T, memory[number], dp])
+                result = points.found(row, visit.after[number], clock)
+                changed = points.push(kick, clock, row, parameters, result, values)
                 local, width = points.local, len(points.memory)
                 memory[number] = changed[local : local + width]
                 _add(face, v, -self._mobility[kick], changed[:local] * face.weight)
@@ -221,23 +221,23 @@ class Sweeps:
         for moved in self.made.with_bodies():
             step = moved.visit.step
             kick, time = min(step, 2), step * self.dt
-            clock, found, traction = self.clocks[kick], [], []
+            clock, result, traction = self.clocks[kick], [], []
             # The velocity before contact acts on it, hence the effect of all forces on the bodies.
             free = moved.state.velocity.copy()
             for number, points in enumerate(self.points):
                 row = moved.visit.rows[number]
-                found.append(points.found(row, moved.visit.after[number], clock))
-                outputs = points.value(kick, clock, row, self.loaded(number, time), found[number])
+                result.append(points.found(row, moved.visit.after[number], clock))
+                outputs = points.value(kick, clock, row, self.loaded(number, time), result[number])
                 traction.append(outputs[: points.local])
                 _add(points.fault.interface, free, self._mobility[kick],
                      traction[number] * points.fault.interface.weight)  # fmt: skip
             for each in tangents:
-                each.step(moved, kick, time, free, found, traction)
+                each.step(moved, kick, time, free, result, traction)
             tell((step + 1) / self.steps, f"constants of bodies  step {step + 1} of {self.steps}")
         return [each.readings() for each in tangents]
 
     def adjoint(
-        self, factors: list[Floats], each_step: Callable[[int, float, Floats], None] = lambda fault, time, found: None,
+        self, factors: list[Floats], each_step: Callable[[int, float, Floats], None] = lambda fault, time, result: None,
         tell: Told = lambda done, text: None,
     ) -> list[Floats]:
         """Return the factors of the parameters from those of all readings: their gradient; collective.
@@ -272,8 +272,8 @@ class Sweeps:
                 points, of_output = self.points[number], of_outputs[number]
                 face, local, row = points.fault.interface, points.local, visit.rows[number]
                 of_output[:local] = -face.weight * _jump(face, fields.b, self._mobility[kick]).T
-                found = points.found(row, visit.after[number], clock)
-                pulled = points.pull(kick, clock, row, self.loaded(number, time), found, of_output)
+                result = points.found(row, visit.after[number], clock)
+                pulled = points.pull(kick, clock, row, self.loaded(number, time), result, of_output)
                 width = len(points.memory)
                 _add(face, fields.a, None, pulled[:local])
                 _add(face, fields.b, None, pulled[local : 2 * local])
@@ -290,13 +290,13 @@ class Sweeps:
 
     def _empty(self, memory: list[Floats]) -> tuple[list[Floats], dict[str, dict[str, Floats]]]:
         """Return the factors of the outputs with those that the next step has found, and views of them by field."""
-        found, named = [], {}
+        result, named = [], {}
         for points, known in zip(self.points, memory, strict=True):
             of_output = np.zeros((len(points.outputs), known.shape[1]))
             of_output[points.local : points.local + len(known)] = known
-            found.append(of_output)
+            result.append(of_output)
             named[points.fault.name] = _named(points, of_output)
-        return found, named
+        return result, named
 
     def loaded(self, number: int, time: float) -> Floats:
         """Return the parameters of a fault with the load of its nucleations."""
@@ -350,7 +350,7 @@ class _BodyTangent:
         self._readings.observe_change(0, self._u, self._v, {})
 
     def step(
-        self, moved: Moved, kick: int, time: float, free: Floats, found: list[Floats], traction: list[Floats]
+        self, moved: Moved, kick: int, time: float, free: Floats, items: list[Floats], traction: list[Floats]
     ) -> None:
         """Advance by a step of the run; collective.
 
@@ -363,7 +363,7 @@ class _BodyTangent:
             At its beginning [s].
         free : ndarray, shape (nodes * components,)
             Velocity before contact has acted on it.
-        found, traction : list of ndarray
+        items, traction : list of ndarray
             Slip rate and branch, and change of the traction, of every fault.
         """
         sweeps, change, u = self._sweeps, self._kicks[kick], self._u
@@ -373,12 +373,12 @@ class _BodyTangent:
         fields: dict[str, dict[str, Floats]] = {}
         for number, points in enumerate(sweeps.points):
             face, local = points.fault.interface, points.local
-            given = np.concatenate([
+            values = np.concatenate([
                 face.rate(u).T, face.rate(v).T, self._memory[number], np.zeros_like(sweeps.parameters[number]),
                 change.impedances[number],
             ])  # fmt: skip
             row, parameters = moved.visit.rows[number], sweeps.loaded(number, time)
-            changed = points.push(kick, sweeps.clocks[kick], row, parameters, found[number], given)
+            changed = points.push(kick, sweeps.clocks[kick], row, parameters, items[number], values)
             self._memory[number] = changed[local : local + len(points.memory)]
             _add(face, v, -mobility, changed[:local] * face.weight)
             _add(face, v, -mobility * change.push, traction[number] * face.weight)

@@ -105,27 +105,27 @@ def chosen(
         point depends.
     """
     known = places(model)
-    given = list(unknowns) or [Unknown(key=key) for key in known]
+    items = list(unknowns) or [Unknown(key=key) for key in known]
     known |= constants(model) | of_terms(model.case.objective if terms is None else terms)
-    for number, each in enumerate(given):
+    for number, each in enumerate(items):
         if each.key not in known:
             hint = nearest(each.key, list(known))
             raise CaseError(f"unknowns.{number}.key = '{each.key}': cannot be differentiated, {hint}")
-        if each.key in [other.key for other in given[:number]]:
+        if each.key in [other.key for other in items[:number]]:
             raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
         if not known[each.key].of_points and each.shape == "knots":
             raise CaseError(f"unknowns.{number}.shape = 'knots': '{each.key}' is one number; use shape = 'number'")
         if each.shape == "knots":
             face = model.faults[known[each.key].fault].interface
             hats(each, face, whole(model, face, face.position), f"unknowns.{number}")
-    return [(each, known[each.key]) for each in given]
+    return [(each, known[each.key]) for each in items]
 
 
 def whole(model: Model, face: Interface, values: Floats) -> Floats:
     """Return values at all points of an interface in their order, from those of every rank; collective."""
-    found = np.zeros(face.total)
-    found[face.number[face.owned]] = values[face.owned]
-    return parallel.total(model.comm, found)
+    result = np.zeros(face.total)
+    result[face.number[face.owned]] = values[face.owned]
+    return parallel.total(model.comm, result)
 
 
 def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Floats:
@@ -158,30 +158,30 @@ def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Float
             f"{key}.knots = {unknown.knots}: the interface lies from {at_least(position.min())} m to "
             f"{at_most(position.max())} m; place knots there"
         )
-    found = np.array([np.interp(position, knots, row) for row in np.eye(len(knots))]).T
-    empty = ~found.any(axis=0)
+    result = np.array([np.interp(position, knots, row) for row in np.eye(len(knots))]).T
+    empty = ~result.any(axis=0)
     if empty.any():
         raise CaseError(
             f"{key}.knots: no point of the interface depends on that at {knots[np.argmax(empty)]:g} m; remove it"
         )
-    return found
+    return result
 
 
 def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
     of_case = model.placed[fault.name]
     key = f"faults.{fault.name}"
-    given = of_case.initial_stress
-    if of_case.friction.given_slip_rate() is not None and given.shear is None:
+    initial_stress = of_case.initial_stress
+    if of_case.friction.given_slip_rate() is not None and initial_stress.shear is None:
         raise CaseError(
             f"{key}.friction.V_initial: with the state given, too, the initial shear stress follows from the law, and "
             "its derivative is not computed; give initial_stress.shear in its place"
         )
-    if given.of_bodies and fault.tangents > 1:
+    if initial_stress.of_bodies and fault.tangents > 1:
         # The directions of both tractions vary from point to point.
         raise CaseError(
             f"{key}.initial_stress: derivatives need normal and shear (and rake) there, in place of [initial_stress]"
         )
-    angle = np.deg2rad(given.rake or 0.0)
+    angle = np.deg2rad(initial_stress.rake or 0.0)
     directions = (1.0,) if fault.tangents == 1 else (float(np.cos(angle)), float(np.sin(angle)))
     rows = tuple((f"shear_traction_0_{k}", part) for k, part in enumerate(directions))
     yield Place(f"{key}.initial_stress.shear", "Pa", number, rows)
@@ -213,12 +213,12 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
 
 
 def _numbers(law: FrictionLaw) -> list[str]:
-    found = []
+    numbers = []
     for name in type(law).model_fields:
         value = getattr(law, name)
         if isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
-            found.append(name)
-    return found
+            numbers.append(name)
+    return numbers
 
 
 def perturbed(

@@ -139,12 +139,12 @@ class Evaluator:
 
     def _terms(self, z: Floats) -> list[Misfit]:
         """Return the terms of the objective with the values of z."""
-        found = list(self.case.objective)
+        terms = list(self.case.objective)
         for each, part_of_z in self.split(z):
             if each.place.term is not None:
                 number, name = each.place.term
-                found[number] = found[number].substituted({name: float(each.values(part_of_z)[0])})
-        return found
+                terms[number] = terms[number].substituted({name: float(each.values(part_of_z)[0])})
+        return terms
 
     def evaluate(
         self, z: Floats, derivatives: Derivatives = "gradient", first: bool = False,
@@ -193,23 +193,23 @@ class Evaluator:
 
     def _told_values(self, z: Floats) -> str:
         """Return the range of each unknown for messages."""
-        found = []
+        items = []
         for each, part in self.split(z):
             values = each.values(part)
             low, high, unit = values.min(), values.max(), f" {each.place.unit}" if each.place.unit != "1" else ""
-            found.append(f"{each.unknown.key} = {low:g}{'' if low == high else f' to {high:g}'}{unit}")
-        return ", ".join(found)
+            items.append(f"{each.unknown.key} = {low:g}{'' if low == high else f' to {high:g}'}{unit}")
+        return ", ".join(items)
 
     def jacobian(self, z: Floats, first: bool = False, tell: Told = lambda done, text: None) -> Floats:
         """Return the derivative of the residuals, by a tangent-linear sweep for each variable; collective."""
-        count, found = self._ends[-1], []
+        count, result = self._ends[-1], []
         for number in range(count):
 
             def told(done: float, text: str, number: int = number) -> None:
                 tell((number + done) / count, f"variable {number + 1} of {count}, {text}")
 
-            found.append(self.column(z, number, told))
-        return self.assembled(found, first)
+            result.append(self.column(z, number, told))
+        return self.assembled(result, first)
 
     def column(self, z: Floats, number: int, tell: Told = lambda done, text: None) -> Floats:
         """Return the derivative of the residuals by one variable; collective."""
@@ -224,13 +224,13 @@ class Evaluator:
         RuptfxError
             A column is not finite, or with `first` zero.
         """
-        found = np.array(columns).T
+        result = np.array(columns).T
         for each, (a, b) in zip(self.variables, pairwise(self._ends), strict=True):
-            if first and not np.any(found[:, a:b]):
+            if first and not np.any(result[:, a:b]):
                 _refuse_unfelt(each)
-        if not np.all(np.isfinite(found)):
+        if not np.all(np.isfinite(result)):
             raise RuptfxError("infer: the sensitivities are not finite; give bounds to the unknowns")
-        return np.asarray(self.comm.bcast(found, root=0))
+        return np.asarray(self.comm.bcast(result, root=0))
 
     def curvature_times(self, z: Floats, change: Floats) -> Floats:
         """Return J'J times a change of the variables, J being the Jacobian; collective."""
@@ -248,12 +248,12 @@ class Evaluator:
 
     def _pull(self, z: Floats, derivatives: Sequence[Derivative], first: bool = False) -> Floats:
         """Return the derivative by z from those by the unknowns at all points."""
-        found = []
+        items = []
         for (each, part), of_points in zip(self.split(z), derivatives, strict=True):
             if first and not np.any(of_points.values):
                 _refuse_unfelt(each)
-            found.append(each.pull(part, of_points.values))
-        return np.concatenate(found)
+            items.append(each.pull(part, of_points.values))
+        return np.concatenate(items)
 
     def _push(self, z: Floats, change: Floats) -> list[tuple[Place, Floats]]:
         """Return the changes of the unknowns at all points from that of z."""

@@ -87,8 +87,8 @@ class Inversion:
     def _evaluate(self, z: Floats, derivatives: Derivatives = "gradient") -> Evaluation:
         # After a run with a gradient more runs may follow in an iteration, after one with a history the Jacobian.
         part = {"gradient": 0.5, "history": 1 / (1 + len(z))}.get(derivatives, 1.0)
-        told = self._told_within(0.0, part, len(self._runs))
-        return self.evaluator.evaluate(z, derivatives, first=not self._runs, tell=told)
+        report = self._told_within(0.0, part, len(self._runs))
+        return self.evaluator.evaluate(z, derivatives, first=not self._runs, tell=report)
 
     def _known_run(self, number: int, z: Floats, derivatives: Derivatives) -> Evaluation | None:
         """Return a run from its file; without it forget those after it, which may be of another search."""
@@ -139,11 +139,11 @@ class Inversion:
         With a pool they are made at once. The first run has been made before.
         """
         if self.pool is None:
-            found = []
+            items = []
             for z in many:
-                found.append(self.value_alone(z))
+                items.append(self.value_alone(z))
                 self._tell_runs(len(self._runs))
-            return found
+            return items
         begin = len(self._runs)
         asked = {begin + number: np.array(z, float) for number, z in enumerate(many)}
         known = {number: self._known_run(number, z, "none") for number, z in asked.items()}
@@ -169,9 +169,9 @@ class Inversion:
 
     def jacobian(self, z: Floats) -> Floats:
         """Return the derivative of `residuals`, and count the run as an iterate; collective."""
-        found = self._jacobian(self._nearest(z))
+        result = self._jacobian(self._nearest(z))
         self.accept(z)
-        return np.concatenate([found, np.eye(len(z))[self.has_prior]])
+        return np.concatenate([result, np.eye(len(z))[self.has_prior]])
 
     def _jacobian(self, number: int) -> Floats:
         """Return the derivative of the residuals of a run; collective."""
@@ -179,18 +179,18 @@ class Inversion:
         if run.jacobian.size:
             return run.jacobian
         count = len(run.variables)
-        told, first = self._told_within(1 / (1 + count), 1.0, number), not self._iterates
+        report, first = self._told_within(1 / (1 + count), 1.0, number), not self._iterates
         if self.pool is not None:
 
             def finished(done: int) -> None:
-                told(done / count, f"variables {done} of {count}")
+                report(done / count, f"variables {done} of {count}")
 
-            found = self.evaluator.assembled(self.pool.columns(number, run.variables, finished), first)
+            jacobian = self.evaluator.assembled(self.pool.columns(number, run.variables, finished), first)
         else:
-            found = self.evaluator.jacobian(run.variables, first, told)
-        self._runs[number] = replace(run, jacobian=found)
+            jacobian = self.evaluator.jacobian(run.variables, first, report)
+        self._runs[number] = replace(run, jacobian=jacobian)
         self._save(number, self._runs[number])
-        return found
+        return jacobian
 
     def _nearest(self, z: Floats) -> int:
         return int(np.argmin([float(np.abs(run.variables - z).max()) for run in self._runs]))
@@ -278,10 +278,10 @@ class Inversion:
             self.tell(products / (2 * settings.directions), f"band, product {products}")  # about two for each
             return self.evaluator.curvature_times(best.variables, change)
 
-        found = posterior.of_products(best.variables, product, settings.directions)
-        parallel.on_root(self._comm, lambda: np.savez(path, mean=found.mean, spread=found.spread,
+        uncertainty = posterior.of_products(best.variables, product, settings.directions)
+        parallel.on_root(self._comm, lambda: np.savez(path, mean=uncertainty.mean, spread=uncertainty.spread,
                                                       directions=settings.directions))  # fmt: skip
-        return found
+        return uncertainty
 
     def _drawn(self) -> dict[str, Floats]:
         """Return samples of the posterior of all numbers by their keys."""
@@ -296,7 +296,7 @@ class Inversion:
     # -- results -----------------------------------------------------------------------------------------------------
 
     def _recovered(self, z: Floats) -> list[Recovered]:
-        found = []
+        items = []
         of_posterior = None if self._posterior is None else self.evaluator.split(self._posterior.spread)
         for number, (each, part) in enumerate(self.evaluator.split(z)):
             unknown, sigma = each.unknown, each.unknown.sigma or 0.0
@@ -309,22 +309,22 @@ class Inversion:
                     values_of = [each.values(row) for row in of_samples.T]
                     interval = np.quantile(values_of, [0.16, 0.84], axis=0)
             band = np.array([each.start * np.exp(s) if log else each.start + s for s in (-sigma, sigma)])
-            found.append(Recovered(
+            items.append(Recovered(
                 unknown.key, each.place.unit, unknown.shape, each.position, each.start, each.values(part), band,
                 each.at_bound(part), interval,
             ))  # fmt: skip
-        return found
+        return items
 
     def _fits(self, best: Evaluation) -> list[Fit]:
-        found: list[Fit] = []
+        fits: list[Fit] = []
         if not self._data:
-            return found
+            return fits
         begin = 0
         for term in self.case.objective:
             for each in term.measured() or []:
                 here = slice(begin, begin := begin + len(each.values))
-                found.append(Fit(each.name, each.times, each.values, self._runs[0].readings[here], best.readings[here]))
-        return found
+                fits.append(Fit(each.name, each.times, each.values, self._runs[0].readings[here], best.readings[here]))
+        return fits
 
     def _write(self) -> None:
         """Write misfits, the best case and the unknowns; rank 0."""

@@ -48,9 +48,9 @@ class Posterior:
         if len(self.samples):
             return self.samples
         random = np.random.default_rng(0)
-        found = self.mean + random.normal(size=(count, self.spread.shape[1])) @ self.spread.T
-        inside = np.all((found >= low) & (found <= high), axis=1)
-        return np.asarray(found[inside] if inside.any() else np.clip(found, low, high))
+        result = self.mean + random.normal(size=(count, self.spread.shape[1])) @ self.spread.T
+        inside = np.all((result >= low) & (result <= high), axis=1)
+        return np.asarray(result[inside] if inside.any() else np.clip(result, low, high))
 
 
 def of_jacobian(mean: Floats, jacobian: Floats, prior: NDArray[np.bool_]) -> Posterior:

@@ -101,10 +101,10 @@ def check(method: str, case: Case, variables: Sequence[Variable]) -> None:
                     f"unknowns.{number}.sigma, bounds: inference.method = 'ensemble' samples between bounds or from a "
                     "prior; give one of them"
                 )
-        n, given = sum(each.size for each in variables), case.inference.population if case.inference else None
-        if given is not None and given < 2 * n:
+        n, value = sum(each.size for each in variables), case.inference.population if case.inference else None
+        if value is not None and value < 2 * n:
             raise CaseError(
-                f"inference.population = {given}: an ensemble of {n} variables needs at least {2 * n} walkers"
+                f"inference.population = {value}: an ensemble of {n} variables needs at least {2 * n} walkers"
             )
 
 
@@ -123,26 +123,26 @@ def l_bfgs(inversion: Runs, settings: Inference) -> Found:
     """Minimise with gradients: L-BFGS-B of SciPy."""
     from scipy.optimize import minimize
 
-    found = minimize(
+    result = minimize(
         inversion.value, np.zeros(len(inversion.bounds)), jac=True, method="L-BFGS-B", bounds=inversion.bounds,
         callback=inversion.accept, options={
             "maxiter": settings.iterations, "ftol": settings.tolerance, "gtol": 0.0,
             "maxcor": 20, "maxfun": 10 * settings.iterations,
         },
     )  # fmt: skip
-    return {0: "converged", 1: "iterations are used up"}.get(found.status, "no further decrease was found"), None
+    return {0: "converged", 1: "iterations are used up"}.get(result.status, "no further decrease was found"), None
 
 
 def gauss_newton(inversion: Runs, settings: Inference) -> Found:
     """Minimise with Jacobians: the trust-region reflective algorithm of SciPy, with Gauss-Newton's matrix."""
     from scipy.optimize import least_squares
 
-    found = least_squares(
+    result = least_squares(
         inversion.residuals, np.zeros(len(inversion.bounds)), inversion.jacobian, tuple(inversion.bounds.T),
         method="trf", ftol=settings.tolerance, xtol=1e-6, gtol=None, max_nfev=settings.iterations,
     )  # fmt: skip
     reasons = {0: "iterations are used up", 3: "no further decrease was found"}
-    return reasons.get(found.status, "converged"), None
+    return reasons.get(result.status, "converged"), None
 
 
 def cma_es(inversion: Runs, settings: Inference) -> Found:
@@ -185,10 +185,10 @@ def ensemble(inversion: Runs, settings: Inference) -> Found:
     inversion.value_alone(np.zeros(n))
 
     def log_probabilities(walkers: Floats) -> Floats:
-        found = np.full(len(walkers), -np.inf)
+        values = np.full(len(walkers), -np.inf)
         inside = np.all((walkers >= low) & (walkers <= high), axis=1)
-        found[inside] = [-value for value in inversion.values_alone(list(walkers[inside]))]
-        return found
+        values[inside] = [-value for value in inversion.values_alone(list(walkers[inside]))]
+        return values
 
     sampler = emcee.EnsembleSampler(count, n, log_probabilities, vectorize=True)
     start = np.clip(0.1 * np.random.default_rng(settings.seed).normal(size=(count, n)), 0.9 * low, 0.9 * high)
@@ -200,8 +200,8 @@ def ensemble(inversion: Runs, settings: Inference) -> Found:
     samples = sampler.get_chain(discard=int(BURNED * settings.iterations), flat=True)
     length = float(np.max(sampler.get_autocorr_time(tol=0)))
     enough = np.isfinite(length) and settings.iterations >= 50 * length
-    told = f"correlated over {length:.3g} steps" if np.isfinite(length) else "correlation unknown"
-    return f"{len(samples)} samples, {told}" + ("" if enough else "; longer chains are safer"), samples
+    report = f"correlated over {length:.3g} steps" if np.isfinite(length) else "correlation unknown"
+    return f"{len(samples)} samples, {report}" + ("" if enough else "; longer chains are safer"), samples
 
 
 METHODS: dict[str, Callable[[Runs, Inference], Found]] = {

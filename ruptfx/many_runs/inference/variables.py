@@ -157,11 +157,11 @@ class Variable:
         upper[1], upper[0, 1:] = self._bands[0], self._bands[1, :-1]
         self._upper = upper
 
-    def profile_on_surface(self, given: object, values: Floats) -> dict[str, object]:
+    def profile_on_surface(self, value: object, values: Floats) -> dict[str, object]:
         """Return the profile of a number on a surface, from that of the case and the values at all points."""
         if self.unknown.scale == "log":
-            return {"kind": "product", "value": given, "factor": float(values[0] / self.start[0])}
-        return {"kind": "sum", "terms": [given, float(values[0] - self.start[0])]}
+            return {"kind": "product", "value": value, "factor": float(values[0] / self.start[0])}
+        return {"kind": "sum", "terms": [value, float(values[0] - self.start[0])]}
 
     @property
     def has_prior(self) -> bool:
@@ -171,9 +171,9 @@ class Variable:
     def _offset(self, z: Floats) -> Floats:
         if self.unknown.shape != "field":
             return self._sigma * (self._basis @ z)
-        found = np.empty(self.size)
-        found[self._order] = solve_banded((1, 0), self._bands, z)
-        return found
+        offset = np.empty(self.size)
+        offset[self._order] = solve_banded((1, 0), self._bands, z)
+        return offset
 
     def values(self, z: Floats) -> Floats:
         """Return the unknown at all points of the interface."""
@@ -197,12 +197,12 @@ class Variable:
 
     def _slope(self, z: Floats) -> Floats:
         """Return the derivative of the values by the offset s."""
-        found = self.values(z) if self.unknown.scale == "log" else np.ones(len(self.start))
+        slope = self.values(z) if self.unknown.scale == "log" else np.ones(len(self.start))
         if self.unknown.shape == "field" and self.unknown.bounds is not None:
             part = (self._t0 - self._low) / (self._high - self._low)
             now = expit(self._logistic(self._offset(z)))
-            found = found * now * (1 - now) / (part * (1 - part))
-        return found
+            slope = slope * now * (1 - now) / (part * (1 - part))
+        return slope
 
     def push(self, z: Floats, change: Floats) -> Floats:
         """Return the change of the values at the points from that of z."""
@@ -226,8 +226,8 @@ class Variable:
         """
         deviation = np.sqrt(sum(self._offset(column) ** 2 for column in spread.T))
         with np.errstate(over="ignore"):  # what the data do not determine
-            found = np.array([self._at(self._offset(z) + part * deviation) for part in (-1.0, 1.0)])
-        return found
+            values = np.array([self._at(self._offset(z) + part * deviation) for part in (-1.0, 1.0)])
+        return values
 
     def at_bound(self, z: Floats) -> bool:
         """Return whether the unknown is at one of its bounds somewhere, within a thousandth of their distance."""

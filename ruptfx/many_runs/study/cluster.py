@@ -124,7 +124,7 @@ def answers(
         client.submit(workers.on_child, ranks, job, None, server, key=f"{name}-{number}", pure=False, retries=0): number
         for number, job in jobs.items()
     }
-    found: dict[int, Table] = {}
+    entries: dict[int, Table] = {}
     for count, done in enumerate(as_completed(list(pending)), 1):
         if (error := done.exception()) is not None:
             if isinstance(error, RuptfxError):
@@ -134,9 +134,9 @@ def answers(
         done.release()
         if answer["status"] != "done":
             raise RuptfxError(answer["error"])
-        found[pending[done]] = answer["values"]
+        entries[pending[done]] = answer["values"]
         tell(count)
-    return found
+    return entries
 
 
 def _check_workers(client: Client, marker: Path | None) -> None:

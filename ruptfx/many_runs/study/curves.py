@@ -75,10 +75,10 @@ def _names(shown: Map) -> list[str]:
 def _by_value(shown: Map) -> dict[float, list[Row]]:
     """Return the rows of every value of the axis, in the order of the axis."""
     column = _varied(shown)[0].column
-    found: dict[float, list[Row]] = {}
+    value: dict[float, list[Row]] = {}
     for row in sorted(shown.rows, key=lambda row: float(row[column])):
-        found.setdefault(float(row[column]), []).append(row)
-    return found
+        value.setdefault(float(row[column]), []).append(row)
+    return value
 
 
 @styled

@@ -245,9 +245,9 @@ class Study(Part):
         if twice:
             raise ValueError(f"two axes are called '{twice}'; give them different names")
         reserved = [*BOOKKEEPING, *self.quantities, *(OF_SETS if self.search is not None else ())]
-        taken = next((c for c in columns if c in reserved), None)
-        if taken:
-            raise ValueError(f"axes: the table has a column '{taken}' of its own; give the axis another name")
+        match = next((c for c in columns if c in reserved), None)
+        if match:
+            raise ValueError(f"axes: the table has a column '{match}' of its own; give the axis another name")
         self._require_single_writers()
         if self.sampling != "grid" and (self.samples is None or not self.sampled):
             raise ValueError(f"a {self.sampling} needs samples and at least one axis with a range")
@@ -289,14 +289,14 @@ class Study(Part):
                     f"{table_name}.{other}: {where}.key = '{key}' writes the same value; remove it from {table_name}"
                 )
 
-    def require_quantities(self, case: Case | LumpedModel, found: Collection[str] = ()) -> None:
+    def require_quantities(self, case: Case | LumpedModel, collection: Collection[str] = ()) -> None:
         """Refuse quantities that no run of this case has.
 
         Parameters
         ----------
         case : Case or lumped model
             Case of a point. The scalars of a case with bodies are known before a run, those of a lumped model are not.
-        found : collection of str
+        collection : collection of str
             Names of the scalars of finished runs.
 
         Raises
@@ -306,7 +306,7 @@ class Study(Part):
         """
         from ruptfx.many_runs.study.harvest import scalars
 
-        known = {*found, *(scalars(case.faults) if isinstance(case, Case) else ())}
+        known = {*collection, *(scalars(case.faults) if isinstance(case, Case) else ())}
         names = [(f"quantities.{number}", name) for number, name in enumerate(self.quantities)]
         goals = self.search.goals if self.search is not None else []
         names += [(f"search.goals.{number}.quantity", goal.quantity) for number, goal in enumerate(goals)]
@@ -356,9 +356,9 @@ class Study(Part):
         quiet = {} if "kind" in table else {"output.figures": False}
         for key, value in {**quiet, **_flat(self.set), **(overrides or {})}.items():
             set_key(table, key, copy.deepcopy(value))
-        given = table.get("plugins", [])
-        if self.plugins and isinstance(given, list):
-            table["plugins"] = [*given, *self.plugins]
+        plugins = table.get("plugins", [])
+        if self.plugins and isinstance(plugins, list):
+            table["plugins"] = [*plugins, *self.plugins]
         return table
 
     @property
@@ -467,9 +467,9 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     changes: Table = {}
     for item in overrides:
         override(changes, item)
-    given = table.get("set", {})
-    if changes and isinstance(given, Mapping):
-        table["set"] = {**_flat(given), **_flat(changes)}
+    value = table.get("set", {})
+    if changes and isinstance(value, Mapping):
+        table["set"] = {**_flat(value), **_flat(changes)}
     table, units = _in_si(table)
     try:
         study = Study.model_validate(table, context={"directory": path.resolve().parent})
@@ -484,7 +484,7 @@ def _in_si(table: Table) -> tuple[Table, list[tuple[str, int, int, list[str]]]]:
 
     The units are those of the key of a name in an axis: name, number of the axis, of its key, units.
     """
-    axes, given = [], []
+    axes, value = [], []
     for number, axis in enumerate(_list_of(table.get("axes"))):
         axis = dict(axis) if isinstance(axis, Mapping) else axis
         for name in ("values", "range") if isinstance(axis, dict) else ():
@@ -492,7 +492,7 @@ def _in_si(table: Table) -> tuple[Table, list[tuple[str, int, int, list[str]]]]:
             items = _list_of(axis.get(name))
             for place in range(len(axis["key"]) if together else 1):
                 of_key = [row[place] if together and len(_list_of(row)) > place else row for row in items]
-                given.append((name, number, place, si_and_units(of_key)[1]))
+                value.append((name, number, place, si_and_units(of_key)[1]))
             if items:
                 axis[name] = si_and_units(items)[0]
         axes.append(axis)
@@ -502,14 +502,14 @@ def _in_si(table: Table) -> tuple[Table, list[tuple[str, int, int, list[str]]]]:
         changes["search"] = {**search, "start": {k: si_and_units(v)[0] for k, v in search["start"].items()}}
     if marks := [mark for mark in _list_of(table.get("marks")) if isinstance(mark, Mapping)]:
         changes["marks"] = [{**mark, "point": si_and_units(mark.get("point"))[0]} for mark in marks]
-    return {**table, **changes}, given
+    return {**table, **changes}, value
 
 
 def _list_of(value: object) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
-def _with_units(study: Study, given: Iterable[tuple[str, int, int, list[str]]]) -> Study:
+def _with_units(study: Study, items: Iterable[tuple[str, int, int, list[str]]]) -> Study:
     """Return the study with the unit of the key for every axis without one; unchanged if its first point is refused.
 
     Raises
@@ -521,7 +521,7 @@ def _with_units(study: Study, given: Iterable[tuple[str, int, int, list[str]]]) 
         case = study.point(next(study.combinations())).case
     except CaseError:  # `points` raises it again
         return study
-    for name, number, place, texts in given:
+    for name, number, place, texts in items:
         key = study.axes[number].keys[place]
         try:
             require_units(f"axes.{number}.{name}, {key}", texts, unit_of_key(case, key))

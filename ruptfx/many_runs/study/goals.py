@@ -60,7 +60,7 @@ class Goal(Part):
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Goal:
-        if sum(given is not None for given in (self.target, self.at_least, self.at_most)) != 1:
+        if sum(item is not None for item in (self.target, self.at_least, self.at_most)) != 1:
             raise ValueError("give one of target, at_least and at_most")
         if (self.target is None) != (self.scale is None):
             raise ValueError("target and scale belong together; give both or none")
@@ -116,5 +116,5 @@ class Search(Part):
 
     def score(self, degrees: Iterable[float]) -> float:
         """Return the score of a set from the degrees of its runs."""
-        found = list(degrees)
-        return sum(found) / len(found)
+        items = list(degrees)
+        return sum(items) / len(items)

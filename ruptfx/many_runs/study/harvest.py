@@ -69,13 +69,13 @@ def _energies(record: Files) -> dict[str, float]:
     """Return final energies [J per metre of thickness in 2D], and the parts of the work as fractions of it."""
     from ruptfx.results.analysis.energy import PARTS, budget
 
-    found = budget(record.energy)
-    work = found["boundary_work"]
-    parts = [name for name in PARTS if name in found]  # runs of older versions have fewer parts
+    result = budget(record.energy)
+    work = result["boundary_work"]
+    parts = [name for name in PARTS if name in result]  # runs of older versions have fewer parts
     # Without work of the boundaries the initial stress supplies the energy.
-    scale = work if work > 0 else max(sum(abs(found[name]) for name in parts), 1e-300)
-    return {f"energy_{name}": found[name] for name in (*parts, "boundary_work")} | {
-        f"{name}_share": found[name] / scale for name in parts
+    scale = work if work > 0 else max(sum(abs(result[name]) for name in parts), 1e-300)
+    return {f"energy_{name}": result[name] for name in (*parts, "boundary_work")} | {
+        f"{name}_share": result[name] / scale for name in parts
     }
 
 

@@ -136,10 +136,10 @@ class Map:
 
     def look(self) -> dict[str, tuple[str, str]]:
         """Return colour and symbol of the modes that occur."""
-        found = {self.mode(row) for row in self.rows}
-        others = sorted(found - MODES.keys())
+        names = {self.mode(row) for row in self.rows}
+        others = sorted(names - MODES.keys())
         extra = {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(others)}
-        return {name: look for name, look in {**MODES, **extra}.items() if name in found}
+        return {name: look for name, look in {**MODES, **extra}.items() if name in names}
 
     def doubtful(self, row: Row) -> bool:
         """Return whether half the threshold or the finer mesh gives another mode."""
@@ -239,8 +239,8 @@ def draw_modes(maps: Sequence[Map]) -> Figure:
         ax.set_title(label or shown.study.title, parse_math=False)
         ax.label_outer()
     letter(grid[0])
-    found = {name: look for shown in maps for name, look in shown.look().items()}
-    _legend(figure, {name: found[name] for name in (*MODES, *(found.keys() - MODES.keys())) if name in found})
+    entries = {name: look for shown in maps for name, look in shown.look().items()}
+    _legend(figure, {name: entries[name] for name in (*MODES, *(entries.keys() - MODES.keys())) if name in entries})
     return figure
 
 
@@ -425,7 +425,7 @@ def page(shown: Map) -> str:
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     # In one pass: a title that reads like a placeholder stays a title.
     blanks = {"/*TITLE*/": html.escape(title), "/*DATA*/null": text}
-    return re.sub("|".join(map(re.escape, blanks)), lambda found: blanks[found[0]], template)
+    return re.sub("|".join(map(re.escape, blanks)), lambda result: blanks[result[0]], template)
 
 
 def _page_point(shown: Map, row: Row) -> Table:

@@ -37,8 +37,8 @@ def boundaries(study: Study, known: Known) -> Iterator[Step]:
         for line in lines.values():
             line.sort(key=lambda item: item[0].coordinates[column])
             for (low, one), (high, other) in pairwise(line):
-                found = [_quantity(result, study.refine.by) for result in (one, other)]
-                if None not in found and found[0] != found[1]:
+                items = [_quantity(result, study.refine.by) for result in (one, other)]
+                if None not in items and items[0] != items[1]:
                     width = axis.distance(low.coordinates[column], high.coordinates[column])
                     yield Step(column, low, high, width)
 

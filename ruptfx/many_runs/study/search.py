@@ -49,20 +49,20 @@ def find_best(study: Study, run: Callable[[list[Point]], Runs], count: Count) ->
     RuptfxError
         The library is missing.
     """
-    found: list[ScoredSet] = []
+    best: list[ScoredSet] = []
     search, wanted, table = _search(study), study.samples or 1, study.base()
     crossed = len(list(study.crossed(study.start(search))))
     count.expect(wanted * crossed)
     for generation, (asked, tell) in enumerate(_generations(study, search)):
-        samples = [_sample(study, unit) for unit in asked[: wanted - len(found)]]
+        samples = [_sample(study, unit) for unit in asked[: wanted - len(best)]]
         points = [[study.point(values, table=table) for values in study.crossed(sample)] for sample in samples]
         results = iter(run([point for of_set in points for point in of_set]))
         for sample, of_set in zip(samples, points, strict=True):
-            found.append(_scored(search, study, len(found), generation, sample, [next(results) for _ in of_set]))
-        count.note = f"; best score {max(one.score for one in found):.3f} of {len(found)} sets"
-        if len(found) >= wanted:
-            return found
-        tell([1 - one.score for one in found[-len(asked) :]])
+            best.append(_scored(search, study, len(best), generation, sample, [next(results) for _ in of_set]))
+        count.note = f"; best score {max(one.score for one in best):.3f} of {len(best)} sets"
+        if len(best) >= wanted:
+            return best
+        tell([1 - one.score for one in best[-len(asked) :]])
     raise AssertionError("generations never end")
 
 

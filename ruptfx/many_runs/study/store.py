@@ -131,7 +131,7 @@ def commit(path: Path, point: str, directory: Path, result: Result) -> Result:
 def read_result(path: Path, point: str) -> Result | None:
     """Return the result of a point, None if it is not finished."""
     try:
-        found: Result = json.loads((path / "points" / point / "result.json").read_text())
+        result: Result = json.loads((path / "points" / point / "result.json").read_text())
     except FileNotFoundError:
         return None
-    return found
+    return result

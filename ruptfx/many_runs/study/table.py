@@ -22,9 +22,9 @@ TIMINGS = ("wall_time", "node_updates_per_second", "seconds", "run_time")
 
 def rows(study: Study, known: Sequence[tuple[Point, Result]], fine: Mapping[str, Result]) -> list[Row]:
     """Return one row per point: coordinates, status, quantities, error, hash."""
-    found = dict.fromkeys(name for _, result in known for name in result.get("values", {}))
+    every = dict.fromkeys(name for _, result in known for name in result.get("values", {}))
     columns = [axis.column for axis in study.axes]  # an axis takes precedence over a scalar of the same name
-    names = study.quantities or [name for name in found if name not in ("title", "case_hash", *columns)]
+    names = study.quantities or [name for name in every if name not in ("title", "case_hash", *columns)]
     table = []
     for point, result in known:
         values = result.get("values", {})

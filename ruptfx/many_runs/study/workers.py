@@ -84,7 +84,7 @@ class Child:
         except OSError:
             raise ChildError(self._how_it_ended()) from None
         deadline = time.monotonic() + (time_limit or 1e9)
-        while (found := self._answer()) is None:
+        while (result := self._answer()) is None:
             if not select.select([self._process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0]:
                 self.close()
                 raise ChildError(f"took longer than time_limit = {time_limit:g} s; increase it in the study")
@@ -92,7 +92,7 @@ class Child:
                 raise ChildError(self._how_it_ended())
             self._output += part
         self.served += 1
-        return found
+        return result
 
     def _answer(self) -> Table | None:
         """Return the first answer in the output so far; None without one.
@@ -102,12 +102,12 @@ class Child:
         *lines, self._output = self._output.split(b"\n")
         for number, line in enumerate(lines):
             try:
-                found = json.loads(line)
+                table = json.loads(line)
             except ValueError:
-                found = None
-            if isinstance(found, dict) and "status" in found:
+                table = None
+            if isinstance(table, dict) and "status" in table:
                 self._output = b"\n".join([*lines[number + 1 :], self._output])
-                return found
+                return table
             self._strays = [*self._strays[-SHOWN:], line]
         return None
 

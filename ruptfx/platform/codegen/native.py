@@ -98,8 +98,8 @@ def find_compiler() -> tuple[str, ...]:
     RuptfxError
         None of them is installed.
     """
-    given = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "gcc", "cc", "clang")
-    for command in filter(None, given):
+    items = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "gcc", "cc", "clang")
+    for command in filter(None, items):
         words = shlex.split(command)
         if words and shutil.which(words[0]):
             return tuple(words)
@@ -156,11 +156,11 @@ def _private() -> tempfile.TemporaryDirectory[str]:
 
 def _danger(path: Path) -> str:
     """Return why other users may have changed a directory, by owner and mode; empty if they cannot."""
-    found, user = path.stat(), os.geteuid()
-    if found.st_uid != user:
-        return f"{path} belongs to user {found.st_uid}, not to {user}"
-    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        return f"{path} may be written to by others (mode {stat.S_IMODE(found.st_mode):o})"
+    result, user = path.stat(), os.geteuid()
+    if result.st_uid != user:
+        return f"{path} belongs to user {result.st_uid}, not to {user}"
+    if result.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"{path} may be written to by others (mode {stat.S_IMODE(result.st_mode):o})"
     return ""
 
 

@@ -296,7 +296,7 @@ _FUNCTIONS: dict[object, Callable[..., Expression]] = {
 
 
 def record(
-    function: Callable[..., Any], *inputs: Any, as_: Callable[[Any], Recorded] = lambda found: found
+    function: Callable[..., Any], *inputs: Any, as_: Callable[[Any], Recorded] = lambda result: result
 ) -> Recorded:
     """Call a method with symbols instead of numbers.
 

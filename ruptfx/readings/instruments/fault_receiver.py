@@ -36,12 +36,12 @@ class FaultReceiver(Instrument):
     def check(self, key: str, plane: Plane, components: str) -> None:
         if plane == "solid":
             if self.position is not None or self.point is None:
-                given = "is not given" if self.position is None else f"and position = {self.position:g}"
-                raise ValueError(f"{key}.point {given}: in 3D give the point of the interface, [x, y, z], alone")
+                text = "is not given" if self.position is None else f"and position = {self.position:g}"
+                raise ValueError(f"{key}.point {text}: in 3D give the point of the interface, [x, y, z], alone")
             check_vector(f"{key}.point", self.point, "xyz")
         elif self.point is not None or self.position is None:
-            given = "is not given" if self.point is None else f"and point = {self.point}"
-            raise ValueError(f"{key}.position {given}: in 2D give the position along the interface, alone")
+            text = "is not given" if self.point is None else f"and point = {self.point}"
+            raise ValueError(f"{key}.position {text}: in 2D give the position along the interface, alone")
 
     def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
         place = self.point if self.position is None else self.position

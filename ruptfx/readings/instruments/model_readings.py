@@ -122,7 +122,7 @@ class ModelReadings:
             weights = self._on(fault, place, key)
         here = np.flatnonzero(face.owned & np.isin(face.number, list(weights)))
         mine = np.array([weights[int(number)] for number in face.number[here]])
-        found = []
+        items = []
         for each in FIELDS:
             for number, label in enumerate(each.names(fault.tangents) if each.recorded else ()):
                 text = each.long_name
@@ -131,10 +131,10 @@ class ModelReadings:
                     tangent = parallel.total(self.model.comm, mine @ face.frame[here, 1 + number])
                     along = ", ".join(f"{value:.3g}" for value in tangent / np.linalg.norm(tangent) + 0.0)
                     text += f" along tangent {number + 1}, ({along})"
-                found.append(Channel(label, each.unit, text, [Share((name, label), here, mine)]))
+                items.append(Channel(label, each.unit, text, [Share((name, label), here, mine)]))
         for label, unit in fault.state_fields().items():
-            found.append(Channel(label, unit, f"state variable {label}", [Share((name, label), here, mine)]))
-        return found
+            items.append(Channel(label, unit, f"state variable {label}", [Share((name, label), here, mine)]))
+        return items
 
     def _along(self, face: Interface, position: float, key: str) -> dict[int, float]:
         """Return weights of points of an interface in 2D, by number; collective."""
@@ -192,7 +192,7 @@ class ModelReadings:
         """
         model = self.model
         edge = Edge(model, name, key)
-        found = []
+        items = []
         owned = np.arange(model.nodes * model.components) < model.owned_nodes * model.components
 
         initial = self._initial_force(edge)
@@ -211,8 +211,8 @@ class ModelReadings:
             chosen = np.zeros(len(owned), dtype=bool)
             chosen[component :: model.components] = True
             offset = float(parallel.total(model.comm, float(initial[chosen & owned].sum())))
-            found.append((label, shares, offset))
-        return found
+            items.append((label, shares, offset))
+        return items
 
     def _initial_force(self, edge: Edge) -> np.ndarray:
         """Return the nodal force of the initial stress on an edge [N], at every local degree of freedom; collective."""
@@ -270,10 +270,10 @@ class SensedPoint:
 
     def stresses(self, label: str) -> list[Share]:
         """Return a component of the stress beyond the initial one [Pa]: elastic, and inelastic with memory."""
-        model, found = self._readings.model, [self.stress(self._readings.entries[label])]
+        model, result = self._readings.model, [self.stress(self._readings.entries[label])]
         if model.bodies.names[self._place.body] in model.memory_laws:
-            found.append(Share("inelastic_stress", *self._readings.inelastic.at(self._place, label)))
-        return found
+            result.append(Share("inelastic_stress", *self._readings.inelastic.at(self._place, label)))
+        return result
 
     def stress(self, entry: tuple[int, int]) -> Share:
         """Return a component of the elastic stress beyond the initial one [Pa]."""

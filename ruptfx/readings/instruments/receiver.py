@@ -48,19 +48,19 @@ class Receiver(Instrument):
 
 def channels_of(readings: ModelReadings, place: SensedPoint, fields: Sequence[Quantity]) -> list[Channel]:
     """Return the channels of quantities at a point."""
-    found = []
+    channels = []
     for field in dict.fromkeys(fields):
         if field in ("velocity", "displacement"):
             unit = "m/s" if field == "velocity" else "m"
             for label, number in readings.axes.items():
                 share = place.motion(field, readings.unit_vector(number))
-                found.append(Channel(f"{field}_{label}", unit, f"{field} along {label}", [share]))
+                channels.append(Channel(f"{field}_{label}", unit, f"{field} along {label}", [share]))
         for label, entry in readings.entries.items() if field in ("strain", "stress") else ():
             if field == "strain":
-                found.append(Channel(f"strain_{label}", "1", f"strain {label}", [place.strain(entry)]))
+                channels.append(Channel(f"strain_{label}", "1", f"strain {label}", [place.strain(entry)]))
             else:
                 text = f"total stress {label}, tension positive"
-                found.append(
+                channels.append(
                     Channel(f"stress_{label}", "Pa", text, place.stresses(label), place.initial_stress(label))
                 )
-    return found
+    return channels

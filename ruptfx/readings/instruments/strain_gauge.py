@@ -61,7 +61,7 @@ class StrainGauge(Instrument):
 
     def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
         grids = [self._grid(readings, key, angle) for angle in self.angles]
-        found = [
+        items = [
             Channel(f"extension_{number + 1}", "1", f"extension at {np.degrees(angle):.6g} degrees from x", shares)
             for number, (angle, shares) in enumerate(zip(self.angles, grids, strict=True))
         ]
@@ -71,8 +71,8 @@ class StrainGauge(Instrument):
                     Share(share.source, share.places, weight * share.weights)
                     for weight, shares in zip(row, grids, strict=True) for share in shares
                 ]  # fmt: skip
-                found.append(Channel(f"strain_{label}", "1", f"strain {label} of the rosette", parts))
-        return found
+                items.append(Channel(f"strain_{label}", "1", f"strain {label} of the rosette", parts))
+        return items
 
     def _grid(self, readings: ModelReadings, key: str, angle: float) -> list[Share]:
         along = np.array([np.cos(angle), np.sin(angle), 0.0])[: len(self.point)]

@@ -149,8 +149,8 @@ def _from_grid(path: Path, every: int) -> dict[str, list[float]]:
                 raise ValueError(f"{path}: '{name}' is in pixels or has no unit; use `ruptfx dic --pixel`")
             axes, wanted = file[name].dimensions, {name} if name in ("x", "y") else {"x", "y"}
             if set(axes) != wanted:
-                given, asked = ", ".join(axes) or "none", " and ".join(sorted(wanted))
-                raise ValueError(f"{path}: '{name}' has the axes {given}; give it {asked}")
+                value, asked = ", ".join(axes) or "none", " and ".join(sorted(wanted))
+                raise ValueError(f"{path}: '{name}' has the axes {value}; give it {asked}")
             values = unpacked(path, file[name], MOST_READ) * unit_and_factor(path, name, file[name].attrs, "m")[1]
             read[name] = values.T if axes == ("x", "y") else values
             if name not in ("x", "y") and read[name].shape != (len(read["y"]), len(read["x"])):

@@ -85,12 +85,12 @@ class ModeDegree(Misfit):
         times = np.arange(0.0, duration * (1 - 1e-9), self.interval)
         for end in ("loaded_end", "far_end"):  # what is between them is then on the interface
             bodies.at_fault(self.fault, getattr(self, end), key, end)
-        found: list[Request] = []
+        items: list[Request] = []
         for position in self._positions:
             channels = bodies.at_fault(self.fault, float(position), key)
             rate = next(channel for channel in channels if channel.name.startswith("slip_rate"))
-            found.append(Trace(replace(rate, name=f"slip rate at {position:g} m"), times))
-        return found
+            items.append(Trace(replace(rate, name=f"slip rate at {position:g} m"), times))
+        return items
 
     def evaluate(self, samples: Sequence[Sample]) -> tuple[float, list[Floats]]:
         rates = np.array([sample.values for sample in samples]).T

@@ -74,13 +74,13 @@ class Traces(Misfit):
             return handler(values)
         sigma, units_of_sigma = si_and_units(values.get("sigma"))
         values = {**values, "sigma": sigma} if units_of_sigma else values
-        found = cls._read(values, handler, info) if isinstance(values.get("file"), str) else handler(values)
-        for unit, name in itertools.product(units_of_sigma, found._chosen):
+        file = cls._read(values, handler, info) if isinstance(values.get("file"), str) else handler(values)
+        for unit, name in itertools.product(units_of_sigma, file._chosen):
             try:
-                factor(unit, found.units.get(name, "1"))
+                factor(unit, file.units.get(name, "1"))
             except ValueError as error:
                 raise ValueError(f"sigma in {unit}: {error} for the channel {name}") from None
-        return found
+        return file
 
     @classmethod
     def _read(cls, values: Mapping[str, Any], handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
@@ -90,10 +90,10 @@ class Traces(Misfit):
         path = Path((info.context or {}).get("directory") or ".", values["file"])
         read = _from_run if path.suffix in (".h5", ".nc") else _from_text
         times, data, units = read(path, str(values.get("instrument")), values.get("channels"))
-        given = {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
-        found = handler(given)
-        found.__dict__["_read_from"] = str(path)
-        return found
+        entries = {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
+        result = handler(entries)
+        result.__dict__["_read_from"] = str(path)
+        return result
 
     @cached_property
     def _read_from(self) -> str:
@@ -151,27 +151,27 @@ class Traces(Misfit):
                 f"{key}.instrument = '{self.instrument}': a grid of receivers has no traces; add an instrument of "
                 "kind = 'receiver' where the data are"
             )
-        found = {channel.name: channel for channel in instrument.channels(bodies, f"instruments.{number}")}
+        value = {channel.name: channel for channel in instrument.channels(bodies, f"instruments.{number}")}
         chosen = self._chosen
         units = set()
         for name in chosen:
-            if name not in found:
-                hint = nearest(name, list(found))
+            if name not in value:
+                hint = nearest(name, list(value))
                 raise CaseError(f"{key}.data.{name}: '{self.instrument}' has no such channel, {hint}")
             if name not in self.data:
                 raise CaseError(f"{key}.channels: there are no data of '{name}'; add them, or remove it")
-            if found[name].offset != 0:
+            if value[name].offset != 0:
                 raise CaseError(
                     f"{key}.data.{name}: contains the initial stress of the bodies, which is not differentiated; use "
                     "channels of motion, strain or the interface"
                 )
-            units.add(found[name].unit)
+            units.add(value[name].unit)
             try:
-                factor(self.units[name], found[name].unit)
+                factor(self.units[name], value[name].unit)
             except ValueError as error:
                 where = f" (column '{name}' of {self._read_from})" if self._read_from else ""
                 raise CaseError(
-                    f"{key}.units.{name} = '{self.units[name]}'{where}: {error}; write {found[name].unit} or a multiple"
+                    f"{key}.units.{name} = '{self.units[name]}'{where}: {error}; write {value[name].unit} or a multiple"
                 ) from None
         if len(units) > 1:
             raise CaseError(
@@ -179,7 +179,7 @@ class Traces(Misfit):
                 "channels of each unit, with `channels`"
             )
         bandwidth = self.bandwidth or instrument.bandwidth
-        return [Trace(found[name], times + self.time_shift, bandwidth) for name in chosen]
+        return [Trace(value[name], times + self.time_shift, bandwidth) for name in chosen]
 
     def _check_inside(self, times: Floats, duration: float, key: str) -> None:
         shifted = times + self.time_shift
@@ -223,13 +223,13 @@ class Traces(Misfit):
         ]
 
     def measured(self) -> list[Measured]:
-        times, found = np.array(self.times), []
+        times, result = np.array(self.times), []
         for name in self._chosen:
             values = np.array(self.data[name]) * float(factor(self.units[name], None))  # SI
             if self.bandwidth is not None:
                 values = filtered(times, values, self.bandwidth)
-            found.append(Measured(f"{self.instrument}, {name}", times[self._inside], values[self._inside]))
-        return found
+            result.append(Measured(f"{self.instrument}, {name}", times[self._inside], values[self._inside]))
+        return result
 
 
 def _from_text(

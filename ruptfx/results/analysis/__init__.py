@@ -116,7 +116,7 @@ def summarise(record: Files) -> Table:
         if all_surfaces(record):
             values["radiated_energy"] = radiated_energy_of(record)
     if len(each) > 1:
-        values["interfaces"] = {name: _plain(found) for name, found in each.items()}
+        values["interfaces"] = {name: _plain(result) for name, result in each.items()}
     return _plain(values)
 
 
@@ -137,13 +137,13 @@ def _of_interface(record: Files, name: str) -> Table:
 
 def _of_all(record: Files, each: dict[str, Table]) -> Table:
     """Return the scalars of a run from those of its interfaces."""
-    slips = {name: np.nan_to_num(found["max_slip"], nan=-1.0) for name, found in each.items()}
+    slips = {name: np.nan_to_num(value["max_slip"], nan=-1.0) for name, value in each.items()}
     # Of slips that are equal to rounding the first name decides, on any number of ranks.
     decisive = next(name for name, slip in slips.items() if slip >= max(slips.values()) * (1 - EQUAL))
     values = {"interface": decisive, **each[decisive]}
-    values["first_sliding"] = min(found["first_sliding"] for found in each.values())
+    values["first_sliding"] = min(value["first_sliding"] for value in each.values())
     for name in ("peak_slip_rate", "max_opening"):
-        largest = max(each.values(), key=lambda found: np.nan_to_num(found[name], nan=-1.0))
+        largest = max(each.values(), key=lambda result: np.nan_to_num(result[name], nan=-1.0))
         values |= {key: largest[key] for key in (name, f"{name}_resolved") if key in largest}
     if all_surfaces(record):
         values |= of_surfaces(record, list(each.values()))

@@ -77,12 +77,12 @@ def first_slip(time: Array, slip_rate: Array, since: float, threshold: float) ->
     speed = np.abs(slip_rate[later])
     beyond = speed > threshold
     now = beyond.argmax(axis=0) if len(later) else np.zeros(slip_rate.shape[1], dtype=int)
-    found = np.full(slip_rate.shape[1], np.nan)
+    values = np.full(slip_rate.shape[1], np.nan)
     for point in np.flatnonzero(beyond.any(axis=0)):
         row = now[point]
-        found[point] = time[later[row]]
+        values[point] = time[later[row]]
         if row:
             before, after = speed[row - 1, point], speed[row, point]
             part = (after - threshold) / (after - before)
-            found[point] -= part * (time[later[row]] - time[later[row - 1]])
-    return found
+            values[point] -= part * (time[later[row]] - time[later[row - 1]])
+    return values

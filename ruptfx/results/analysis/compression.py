@@ -256,8 +256,8 @@ def fragments(record: Files) -> int | None:
 
 def summarise_fracture(record: Files) -> Table:
     """Return the scalars of a run with fracture, under the names of the summary."""
-    found, pressed = emission_of(record), loading(record)
-    D, p = found.of_events.D, found.of_events.p
+    result, pressed = emission_of(record), loading(record)
+    D, p = result.of_events.D, result.of_events.p
     values: Table = {}
     if pressed is not None:
         values = {
@@ -267,15 +267,15 @@ def summarise_fracture(record: Files) -> Table:
             "largest_stress": float(np.abs(pressed.stress).max()), "elastic_modulus": pressed.modulus,
         }  # fmt: skip
     values |= {
-        "events": len(found.events), "events_before_peak": len(found.seismic),
-        "aseismic_share": 1 - len(found.seismic) / found.before.sum() if found.before.any() else np.nan,
-        **{f"{name}_share": share for name, share in found.shares.items()},
-        **{f"tensile_share_until_{part:.0%}".rstrip("%"): found.tensile_shares[part] for part in WINDOWS[:-1]},
-        "largest_magnitude": float(np.max(found.events.magnitude, initial=-np.inf)),
-        **_with_error("b_value", found.of_clusters, "b"),
-        **_with_error("b_value_of_facets", found.of_events.b, "b"),
+        "events": len(result.events), "events_before_peak": len(result.seismic),
+        "aseismic_share": 1 - len(result.seismic) / result.before.sum() if result.before.any() else np.nan,
+        **{f"{name}_share": share for name, share in result.shares.items()},
+        **{f"tensile_share_until_{part:.0%}".rstrip("%"): result.tensile_shares[part] for part in WINDOWS[:-1]},
+        "largest_magnitude": float(np.max(result.events.magnitude, initial=-np.inf)),
+        **_with_error("b_value", result.of_clusters, "b"),
+        **_with_error("b_value_of_facets", result.of_events.b, "b"),
         **_with_error("fractal_dimension", D, "D"), **_with_error("omori_exponent", p, "p"),
-        "failed_length": float(found.length.sum()),
+        "failed_length": float(result.length.sum()),
         "fragments": fragments(record),
     }  # fmt: skip
     return values

@@ -94,5 +94,5 @@ def contact_light(
             )
         age = data[state].values
     area = real_contact_area(data["normal_stress"].values, hardness, age, growth, cutoff)
-    found = data["normal_stress"].copy(data=area)
-    return found.assign_attrs({"units": "1", "long_name": "real over nominal contact area"}).rename("contact_area")
+    result = data["normal_stress"].copy(data=area)
+    return result.assign_attrs({"units": "1", "long_name": "real over nominal contact area"}).rename("contact_area")

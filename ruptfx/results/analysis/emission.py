@@ -404,14 +404,14 @@ class Estimates:
 
 
 def estimate(
-    found: Catalogue, completeness: float | None = None, distances: tuple[float, float] | None = None,
+    catalogue: Catalogue, completeness: float | None = None, distances: tuple[float, float] | None = None,
     failure_time: float | None = None,
 ) -> Estimates:
     """Return all estimates that the catalogue allows.
 
     Parameters
     ----------
-    found : Catalogue
+    catalogue : Catalogue
         Seismic events.
     completeness : float, optional
         As for `b_value`.
@@ -420,12 +420,12 @@ def estimate(
     failure_time : float, optional
         Time of the failure that follows the events [s]; without it, no Omori exponent is computed.
     """
-    narrow = min(float(np.ptp(found.x)), float(np.ptp(found.y))) if len(found) else 0.0
+    narrow = min(float(np.ptp(catalogue.x)), float(np.ptp(catalogue.y))) if len(catalogue) else 0.0
     near, far = distances or (narrow / 30, narrow / 3)
     return Estimates(
-        tried(lambda: b_value(found.magnitude, completeness)),
-        tried(lambda: fractal_dimension(found.x, found.y, near, far)),
-        None if failure_time is None else tried(lambda: omori(failure_time - found.time)),
+        tried(lambda: b_value(catalogue.magnitude, completeness)),
+        tried(lambda: fractal_dimension(catalogue.x, catalogue.y, near, far)),
+        None if failure_time is None else tried(lambda: omori(failure_time - catalogue.time)),
     )
 
 

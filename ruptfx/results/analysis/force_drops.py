@@ -87,18 +87,18 @@ def drops(time: Array, force: Array, least: float, rise: float | None = None) ->
         Rise that ends a fall; smaller rises belong to the fall. Default: a fifth of the threshold.
     """
     rise = 0.2 * least if rise is None else rise
-    found: list[Drop] = []
+    items: list[Drop] = []
     for peak, trough in _falls(force, rise):
         size = float(force[peak] - force[trough])
         if size > least:
-            since = found[-1].end if found else float(time[0])
-            found.append(Drop(float(time[peak]), float(time[trough]), size, float(time[peak]) - since))
-    return found
+            since = items[-1].end if items else float(time[0])
+            items.append(Drop(float(time[peak]), float(time[trough]), size, float(time[peak]) - since))
+    return items
 
 
 def _falls(force: Array, reversal: float) -> list[tuple[int, int]]:
     """Return the indices of peaks and following troughs between which the force reverses by more than a threshold."""
-    found = []
+    items = []
     peak = trough = 0
     falls = False
     for now in range(len(force)):
@@ -109,18 +109,18 @@ def _falls(force: Array, reversal: float) -> list[tuple[int, int]]:
         elif force[now] < force[trough]:
             trough = now
         elif force[now] - force[trough] > reversal:
-            found.append((peak, trough))
+            items.append((peak, trough))
             peak, trough, falls = now, now, False
-    return [*found, (peak, trough)] if falls else found
+    return [*items, (peak, trough)] if falls else items
 
 
-def knees(time: Array, force: Array, found: list[Drop], tolerance: float) -> list[Knee]:
+def knees(time: Array, force: Array, items: list[Drop], tolerance: float) -> list[Knee]:
     """Return the knees of the ramps: vertices of the polyline that follows the force within a tolerance.
 
     Parameters
     ----------
     time, force : ndarray, shape (times,)
-    found : list of Drop
+    items : list of Drop
     tolerance : float
         Largest distance of the polyline, in the unit of the force.
 
@@ -129,8 +129,8 @@ def knees(time: Array, force: Array, found: list[Drop], tolerance: float) -> lis
     Source of the polyline: Douglas and Peucker (1973).
     """
     bends = []
-    begins = [float(time[0]), *(drop.end for drop in found)]
-    ends = [*(drop.start for drop in found), float(time[-1])]
+    begins = [float(time[0]), *(drop.end for drop in items)]
+    ends = [*(drop.start for drop in items), float(time[-1])]
     for begin, end in zip(begins, ends, strict=True):
         ramp = np.flatnonzero((time >= begin) & (time <= end))
         if len(ramp) > 2:

@@ -232,23 +232,23 @@ def _in_units(values: Array, unit: str, name: str) -> Array:
     """Return plain numbers; arrays with a unit attribute, as those of xarray, must have the right one."""
     attributes = getattr(values, "attrs", None)
     if attributes is not None and attributes.get("units") != unit:
-        given = f"units = '{attributes['units']}'" if "units" in attributes else "no units"
-        raise RuptfxError(f"{name} has {given}: must be '{unit}'; convert it, and set .attrs['units'] = '{unit}'")
+        text = f"units = '{attributes['units']}'" if "units" in attributes else "no units"
+        raise RuptfxError(f"{name} has {text}: must be '{unit}'; convert it, and set .attrs['units'] = '{unit}'")
     return np.asarray(values, dtype=float)
 
 
 def _starts(samples: _Samples, medium: Medium, reach: float) -> list[tuple[float, float]]:
     """Return the best passage for every speed, sorted by the strain variance they explain."""
     first, last, height = samples.time.min(), samples.time.max(), samples.y.min()
-    found = []
+    items = []
     for speed in SPEEDS * medium.c_R:
         width = 0.5 * slowness_factors(speed, medium.c_p, medium.c_s)[1] * height / speed  # of the strains, in time
         for passage in np.linspace(first, last, max(8, int((last - first) / width)) + 2)[1:-1]:
             near = _near(samples, speed, passage, medium, reach)
             if len(near.value) >= FEWEST:
                 solution = _linear(near, speed, passage, 0.0, medium)
-                found.append((solution.gained * max(solution.explained, 0.0), float(speed), float(passage)))
-    best = {speed: (gained, passage) for gained, speed, passage in sorted(found)}  # the last of every speed
+                items.append((solution.gained * max(solution.explained, 0.0), float(speed), float(passage)))
+    best = {speed: (gained, passage) for gained, speed, passage in sorted(items)}  # the last of every speed
     ranked = sorted(((gained, speed, passage) for speed, (gained, passage) in best.items()), reverse=True)
     return [(speed, passage) for _, speed, passage in ranked[:STARTS]]
 
@@ -303,13 +303,13 @@ def _solve(samples: _Samples, speed: float, passage: float, zone: float, medium:
 
         begin = np.array([speed, passage + 0.5 * zone / speed, zone]) / scale
         begin = np.clip(begin, [1.001 * SLOWEST, -np.inf, 0.01], [0.999 * FASTEST, np.inf, 0.99 * LONGEST])
-        found = least_squares(residual, begin, bounds=bounds, xtol=1e-6, ftol=1e-6)
-        if not found.success:
+        result = least_squares(residual, begin, bounds=bounds, xtol=1e-6, ftol=1e-6)
+        if not result.success:
             raise RuptfxError(
-                f"front_fit: the least-squares fit has not converged in {found.nfev} evaluations; give traces with "
+                f"front_fit: the least-squares fit has not converged in {result.nfev} evaluations; give traces with "
                 "less noise, or more of them"
             )
-        speed, passage, zone = _from_middle(found.x * scale)
+        speed, passage, zone = _from_middle(result.x * scale)
         last, near = near, _near(samples, speed, passage, medium, reach)
     return _linear(last, speed, passage, zone, medium)
 

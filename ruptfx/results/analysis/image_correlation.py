@@ -108,11 +108,11 @@ def correlation(before: Array, after: Array, along_x: Array, along_y: Array, sub
     squares = (mean(one**2) - mean(one) ** 2) * (mean(other**2) - mean(other) ** 2)
     smallest = 1e-12 * (np.var(one) * np.var(other))
     with np.errstate(all="ignore"):
-        found = np.where(squares > smallest, both / np.sqrt(squares), np.nan)
+        result = np.where(squares > smallest, both / np.sqrt(squares), np.nan)
     half = subset // 2
     whole = np.zeros(before.shape, dtype=bool)
     whole[half : before.shape[0] - half, half : before.shape[1] - half] = True
-    return np.where(whole & ~spread(outside, subset), found, np.nan)
+    return np.where(whole & ~spread(outside, subset), result, np.nan)
 
 
 def spread(lost: Array, side: int) -> Array:
@@ -139,12 +139,12 @@ def strains(along_x: Array, along_y: Array, window: int) -> dict[str, Array]:
         )
 
     def slope(field: Array, axis: int) -> Array:
-        found = savgol_filter(field, window, 1, deriv=1, axis=axis, mode="nearest")
-        found = uniform_filter1d(found, window, axis=1 - axis, mode="nearest")
+        result = savgol_filter(field, window, 1, deriv=1, axis=axis, mode="nearest")
+        result = uniform_filter1d(result, window, axis=1 - axis, mode="nearest")
         half = window // 2
         for side in (slice(None, half), slice(-half, None)):
-            found[side] = found[:, side] = np.nan
-        return np.asarray(found)
+            result[side] = result[:, side] = np.nan
+        return np.asarray(result)
 
     shear = 0.5 * (slope(along_x, 0) + slope(along_y, 1))
     return {"xx": slope(along_x, 1), "yy": slope(along_y, 0), "xy": shear}
@@ -296,9 +296,9 @@ def experiment(
     still = np.zeros(plate.shape)
     before = photographed(first, still, still, noise, seed + 1)
     after = photographed(first, moved_x, moved_y, noise, seed + 2)
-    found = strains(*displacements(before, after, subset), window or subset)
+    result = strains(*displacements(before, after, subset), window or subset)
     variables = {f"true_{name}": (("y", "x"), values) for name, values in true.items()}
-    variables |= {f"measured_{name}": (("y", "x"), np.where(plate, values, np.nan)) for name, values in found.items()}
+    variables |= {f"measured_{name}": (("y", "x"), np.where(plate, values, np.nan)) for name, values in result.items()}
     faces = [np.column_stack([data["x"].values, data["y"].values]) for data in record.interfaces.values()]
     if faces:
         grid = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])

@@ -71,8 +71,8 @@ class Pair:
 
 def channel_label(name: str, attributes: Mapping[str, object]) -> str:
     """Return the readable name of a channel; a strain gauge is named by its angle, "45°"."""
-    found = _ANGLE.search(str(attributes.get("long_name", "")))
-    return f"{name.rsplit('_', 1)[0]} {float(found[1]):g}°" if found else name.replace("_", " ")
+    match = _ANGLE.search(str(attributes.get("long_name", "")))
+    return f"{name.rsplit('_', 1)[0]} {float(match[1]):g}°" if match else name.replace("_", " ")
 
 
 def compare_with_file(

@@ -205,14 +205,14 @@ def classify(
     # The votes of both thresholds count equally.
     confidence = float(np.mean([np.mean(item.votes == full.modes.pattern) for item in (full, half)]))
     reach = full.modes.reach
-    given = {"c_R": c_R, "c_s": c_s, "c_p": c_p, "fastest": c_p if fastest is None else fastest}
-    speeds = {name: _on_the_way(value, side, distance, reach) for name, value in given.items() if value is not None}
+    entries = {"c_R": c_R, "c_s": c_s, "c_p": c_p, "fastest": c_p if fastest is None else fastest}
+    speeds = {name: _on_the_way(value, side, distance, reach) for name, value in entries.items() if value is not None}
     c_s = speeds.get("c_s")
     slowest = 0.1 * (c_s or np.ptp(distance) / np.ptp(time))
     inside = distance - distance[0] <= (1 + TIE) * reach
     fronts = trace_fronts(rate[:, inside], time, distance[inside], threshold, slowest, 0.1 * reach)
     trailing = np.array([fit_speed(front.distance, front.time).value for front in fronts[1:]])
-    found = replace(
+    result = replace(
         full.modes,
         mode_at_half_threshold=half.modes.mode,
         confidence=confidence,
@@ -221,15 +221,15 @@ def classify(
         speeds=speeds,
         degrees={name: (full.modes.degrees[name] + half.modes.degrees[name]) / 2 for name in DEGREES},
     )
-    if found.pattern == "none":
-        return found
+    if result.pattern == "none":
+        return result
     doubts = find_doubts(
         slip_rate[:, side[inside]], time, distance[inside] - distance[0],
         rupture_time(rate[:, inside], time, threshold), (LOADING * reach, END * reach),
-        tip_speed=found.tip_speed.value, trailing_speeds=trailing, zone_points=found.zone_points,
+        tip_speed=result.tip_speed.value, trailing_speeds=trailing, zone_points=result.zone_points,
         c_p=speeds.get("fastest"),
     )  # fmt: skip
-    return _without_what_is_not_resolved(replace(found, doubts=doubts))
+    return _without_what_is_not_resolved(replace(result, doubts=doubts))
 
 
 def _on_the_way(speed: float | Array, side: Array, distance: Array, reach: float) -> float:
@@ -244,12 +244,12 @@ def _on_the_way(speed: float | Array, side: Array, distance: Array, reach: float
     return float(np.ptp(way[inside]) / np.trapezoid(slowness[inside], way[inside]))
 
 
-def _without_what_is_not_resolved(found: Modes) -> Modes:
-    if found.doubts.mode:
-        found = replace(found, mode=NOT_RESOLVED, mode_at_half_threshold=NOT_RESOLVED, confidence=0.0)
-    if found.doubts.speed:
-        found = replace(found, tip_speed=Speed(points=found.tip_speed.points), regime=NOT_RESOLVED)
-    return found
+def _without_what_is_not_resolved(modes: Modes) -> Modes:
+    if modes.doubts.mode:
+        modes = replace(modes, mode=NOT_RESOLVED, mode_at_half_threshold=NOT_RESOLVED, confidence=0.0)
+    if modes.doubts.speed:
+        modes = replace(modes, tip_speed=Speed(points=modes.tip_speed.points), regime=NOT_RESOLVED)
+    return modes
 
 
 def regime(speed: float, c_R: float | None, c_s: float | None, c_p: float | None) -> str:
@@ -379,9 +379,9 @@ def _degrees(f: Array, r: Array, early: Array, late: Array) -> dict[str, float]:
     pulse = (r > 0) * np.minimum((1 - f) / 0.6, 1) * np.minimum(3 / zones, 1)
     several = np.maximum(train, pulse * np.where(r > 1, 1.0, 0.5))
     at_first = float(np.mean(several[early])) if len(early) else 0.0
-    found = {"crack": crack[late].mean(), "pulse": pulse[late].mean(), "train": train[late].mean()}
-    return {name: float(value) for name, value in found.items()} | {
-        "pulses_into_crack": float(np.sqrt(at_first * found["crack"]))
+    entries = {"crack": crack[late].mean(), "pulse": pulse[late].mean(), "train": train[late].mean()}
+    return {name: float(value) for name, value in entries.items()} | {
+        "pulses_into_crack": float(np.sqrt(at_first * entries["crack"]))
     }
 
 
@@ -448,7 +448,7 @@ def _away(rate: Array, position: Array, origin: float, threshold: float) -> tupl
         raise RuptfxError(
             f"modes: fewer than {MIN_POINTS} interface points on either side of origin = {origin:g} m; refine the mesh"
         )
-    return max(sides, key=lambda found: int((rate[:, found[0]] > threshold).any(axis=0).sum()))
+    return max(sides, key=lambda result: int((rate[:, result[0]] > threshold).any(axis=0).sum()))
 
 
 def _check(slip_rate: Array, time: Array, position: Array) -> None:

@@ -278,10 +278,10 @@ def frame_times(record: Record, frame_rate: float, exposure: float) -> Array:
 
 def _fringes_per_stress(record: Record, fringe_constant: float | None, thickness: float | None) -> Array:
     """Return fringes per stress at every point [1/Pa]; NaN where the constant is unknown."""
-    case, given = record.case, record.case.get("materials", {})
+    case, value = record.case, record.case.get("materials", {})
     names = [str(name) for name in np.atleast_1d(record.bulk.attrs.get("bodies", ["bodies"]))]
     constants = np.array([
-        fringe_constant or given.get(name, given.get("default", {})).get("fringe_constant", np.nan) for name in names
+        fringe_constant or value.get(name, value.get("default", {})).get("fringe_constant", np.nan) for name in names
     ], dtype=float)  # fmt: skip
     plate = thickness or case.get("output", {}).get("plate_thickness")
     if plate is None:

@@ -97,7 +97,7 @@ def speed_against_ratio(event: SlipEvent, position: Array, width: float, skip: f
     ratio, speed : ndarray, shape (windows,)
         Mean of `before` in the window, and the speed away from the origin [m/s].
     """
-    found = []
+    items = []
     for sign in (-1, 1):
         away = sign * (position - event.origin)
         for begin in np.arange(skip, away.max(), width):
@@ -106,6 +106,6 @@ def speed_against_ratio(event: SlipEvent, position: Array, width: float, skip: f
                 continue
             fitted = fit_speed(away[inside], event.arrival[inside]).value
             if fitted > 0:
-                found.append((float(np.mean(event.before[inside])), fitted))
-    ratio, speed = np.array(found).reshape(-1, 2).T
+                items.append((float(np.mean(event.before[inside])), fitted))
+    ratio, speed = np.array(items).reshape(-1, 2).T
     return ratio, speed

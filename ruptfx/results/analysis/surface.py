@@ -60,13 +60,13 @@ class SurfaceInterpolation:
 
         triangles = Delaunay((points - origin) / extent)
         wanted = (np.stack([strike, dip], axis=1) - origin) / extent
-        found = triangles.find_simplex(wanted, tol=TOUCH)
-        inverse, last = triangles.transform[found, :2], triangles.transform[found, 2]
+        result = triangles.find_simplex(wanted, tol=TOUCH)
+        inverse, last = triangles.transform[result, :2], triangles.transform[result, 2]
         first = np.einsum("nij,nj->ni", inverse, wanted - last)
         weights = np.column_stack([first, 1 - first.sum(axis=1)])
         # The value at a point is its own, whatever its neighbours have, which may be NaN.
         self._weights = np.where(np.abs(weights) < TOUCH, 0.0, weights)
-        self._points, self._outside = triangles.simplices[found], found < 0
+        self._points, self._outside = triangles.simplices[result], result < 0
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values of a field of the points at the wanted positions, shape (n,); NaN outside of the surface."""
@@ -106,9 +106,9 @@ def wave_speeds(data: Data) -> dict[str, Any]:
     if "fastest_wave" in data:
         names = {"c_R": "c_R", "c_s": "c_s", "c_p": "c_p", "fastest": "fastest_wave"}
         return {name: np.asarray(data[column].values) for name, column in names.items()}
-    found = {name: float(data.attrs[name]) for name in ("c_R", "c_s", "c_p") if name in data.attrs}
-    fastest = data.attrs.get("c_p_of_bodies", found.get("c_p"))
-    return found if fastest is None else found | {"fastest": float(np.max(fastest))}
+    entries = {name: float(data.attrs[name]) for name in ("c_R", "c_s", "c_p") if name in data.attrs}
+    fastest = data.attrs.get("c_p_of_bodies", entries.get("c_p"))
+    return entries if fastest is None else entries | {"fastest": float(np.max(fastest))}
 
 
 def _times_modulus(data: Data, name: str, row: int) -> float:
@@ -182,7 +182,7 @@ def _gradients(points: np.ndarray, values: np.ndarray) -> np.ndarray:
     """
     from scipy.spatial import KDTree  # its import would take longer than the start of a run
 
-    found, tree = [], KDTree(points)
+    result, tree = [], KDTree(points)
     for begin in range(0, len(points), BLOCK):
         centre = points[begin : begin + BLOCK]
         distance, near = tree.query(centre, k=min(NEIGHBOURS, len(points)))
@@ -196,8 +196,8 @@ def _gradients(points: np.ndarray, values: np.ndarray) -> np.ndarray:
         size, axes = size[:, -2:], axes[:, :, -2:]  # those of the surface, without its normal
         differences = np.where(weight[..., None] > 0, values[near] - values[begin : begin + BLOCK][:, None], 0.0)
         slopes = np.einsum("nk,nki,nia,nkv->nva", weight, away, axes, differences, optimize=True)
-        found.append(np.einsum("nva,nia->nvi", slopes / np.maximum(size, 1e-300)[:, None], axes))
-    return np.concatenate(found)
+        result.append(np.einsum("nva,nia->nvi", slopes / np.maximum(size, 1e-300)[:, None], axes))
+    return np.concatenate(result)
 
 
 def work(data: Data, row: int) -> float:
@@ -239,10 +239,10 @@ def radiated_energy(surfaces: Iterable[Data], energy: Mapping[str, object] | Dat
     energy : mapping of arrays, shape (times,)
         The columns of its energy table.
     """
-    found = list(surfaces)
+    items = list(surfaces)
     last = {str(name): float(np.asarray(energy[name])[-1]) for name in energy}
-    rates = np.sum([moment_rate(data) for data in found], axis=0)
-    first, final = (sum(work(data, row) for data in found) for row in (0, -1))
+    rates = np.sum([moment_rate(data) for data in items], axis=0)
+    first, final = (sum(work(data, row) for data in items) for row in (0, -1))
     known = {*SPENT, *WAVES, "boundary_work", "closure", "time"}
     others = max((abs(value) for name, value in last.items() if name not in known), default=0.0)
     loaded = abs(last["boundary_work"] - first) > ALIKE * abs(first)
@@ -282,11 +282,11 @@ def of_surface(data: Data) -> Table:
 
 def of_surfaces(record: Files, each: list[Table]) -> Table:
     """Return the scalars of all surfaces of a run together, from those of each."""
-    if any("moment" not in found for found in each):
+    if any("moment" not in item for item in each):
         return {}
-    total = sum(found["moment"] for found in each)
+    total = sum(item["moment"] for item in each)
     return {
         "moment": total, "moment_magnitude": moment_magnitude(total),
-        "rupture_area": sum(found["rupture_area"] for found in each),
+        "rupture_area": sum(item["rupture_area"] for item in each),
         "stress_drop": stress_drop(*record.interfaces.values()),
     }  # fmt: skip

@@ -99,7 +99,7 @@ def camera_from(table: dict[str, Any]) -> Camera:
         It is not valid.
     """
     try:
-        found: Camera = TypeAdapter(AnyCamera).validate_python(table)
+        camera: Camera = TypeAdapter(AnyCamera).validate_python(table)
     except ValidationError as error:
         raise CaseError.from_validation(error, "camera") from None
-    return found
+    return camera

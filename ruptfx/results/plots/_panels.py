@@ -146,8 +146,8 @@ def bulk_field(record: Files, name: str, title: str, others: Sequence[str]) -> t
     stored, component = known[name]
 
     def values(row: int) -> Array:
-        found = bulk[stored].isel(time=row).values
-        return np.asarray(found if component is None else found[..., component])
+        result = bulk[stored].isel(time=row).values
+        return np.asarray(result if component is None else result[..., component])
 
     return values, str(bulk[stored].attrs.get("units", "1"))
 

@@ -42,21 +42,21 @@ def guides(record: Files, *wanted: str) -> list[Guide]:
     }  # fmt: skip
     bodies = list(_bodies_by_speeds(record))
     if len(bodies) > 1:
-        found = [
+        items = [
             Guide(symbols[name], speed, style)
             for speeds, style in zip(bodies, STYLES, strict=False)
             for name, speed in zip(("c_p", "c_s"), speeds, strict=True)
             if name in (wanted or symbols) and (name == "c_s" or plane != "antiplane")
         ]
-        found.sort(key=lambda guide: guide.speed)
+        items.sort(key=lambda guide: guide.speed)
     else:
         speed = {name: attrs.get(name, np.nan) for name in ("c_R", "c_s", "c_p")}
         speed["Eshelby"] = np.sqrt(2) * speed["c_s"]
         if "mach_free_speed" in attrs:  # of an anisotropic body
             speed["Eshelby"], symbols["Eshelby"] = attrs["mach_free_speed"], "$v_c$"
         known = ["c_s"] if plane == "antiplane" else list(symbols)
-        found = [Guide(symbols[name], float(speed[name])) for name in known if name in (wanted or symbols)]
-    return [guide for guide in found if np.isfinite(guide.speed)]
+        items = [Guide(symbols[name], float(speed[name])) for name in known if name in (wanted or symbols)]
+    return [guide for guide in items if np.isfinite(guide.speed)]
 
 
 def _bodies_by_speeds(record: Files) -> dict[tuple[float, float], list[str]]:
@@ -130,10 +130,10 @@ def quantity(data: Data, name: str, title: str) -> Quantity:
     known = histories(data)
     if name not in known:
         raise RuptfxError(f"plots.{title}: field = '{name}': {nearest_name(name, known)}")
-    found = data[name].attrs
-    label = str(found.get("long_name", name)).partition(",")[0].replace("_", " ")
+    result = data[name].attrs
+    label = str(result.get("long_name", name)).partition(",")[0].replace("_", " ")
     label = label if len(label) <= LONGEST_LABEL else name.replace("_", " ")
-    return Quantity(label[:1].upper() + label[1:], str(found.get("units", "1")))
+    return Quantity(label[:1].upper() + label[1:], str(result.get("units", "1")))
 
 
 def signed(record: Files, name: str) -> float:

@@ -68,8 +68,8 @@ class Panels(np.ndarray):
     @property
     def figure(self) -> Figure:
         """The figure of all panels."""
-        found: Figure = self.flat[0].figure
-        return found
+        result: Figure = self.flat[0].figure
+        return result
 
     def _repr_png_(self) -> bytes | None:
         return self.figure._repr_png_() if self.size and isinstance(self.figure, NotebookFigure) else None
@@ -105,8 +105,8 @@ class Sheet:
     @property
     def figure(self) -> Figure:
         """The figure of the axes."""
-        found: Figure = np.asarray(self._axes).flat[0].figure
-        return found
+        result: Figure = np.asarray(self._axes).flat[0].figure
+        return result
 
     def choose(self, field: str | Sequence[str] | None, panels: Sequence[str]) -> list[str]:
         """Return the names of the wanted panels, all of them by default.
@@ -221,9 +221,9 @@ class Sheet:
 def figure_of(axes: Axes | Panels) -> Figure:
     """Return the figure that axes belong to, also if they are in a part of it."""
     ax = axes if isinstance(axes, Axes) else np.asarray(axes).flat[0]
-    found = ax.get_figure(root=True)
-    assert isinstance(found, Figure)
-    return found
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
 
 
 def remarks(axes: Axes | Panels) -> str:
@@ -267,11 +267,11 @@ def _public(draw: Callable[..., None], times: bool) -> Callable[..., Any]:
     signature = inspect.Signature(public, return_annotation="Axes | Panels")
 
     @wraps(draw)
-    def drawn(*given: Any, **options: Any) -> Axes | Panels:
+    def drawn(*value: Any, **options: Any) -> Axes | Panels:
         for name in options:
             if name not in ("record", *named):
                 raise RuptfxError(f"plots.{title}: it takes {', '.join(named[:-1])} and {named[-1]}, not {name}")
-        options = signature.bind(*given, **options).arguments
+        options = signature.bind(*value, **options).arguments
         record, between, wanted = options.pop("record"), options.pop("times", None), options.pop("units", None)
         with house_style():
             sheet = Sheet(title, options.pop("ax", None), wanted)

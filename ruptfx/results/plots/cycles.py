@@ -65,8 +65,8 @@ def cycles(sheet: Sheet, record: Files, *, x: Window | None = None, field: str |
     data = at_positions(record.interface, x, sheet.name)
     position, time = data["position"].values, data["time"].values
     rate = np.abs(data["slip_rate"].values)
-    high, found = float(rate.max(initial=0.0)), ruptures(record)
-    filled = PANELS if found else PANELS[:-1]
+    high, result = float(rate.max(initial=0.0)), ruptures(record)
+    filled = PANELS if result else PANELS[:-1]
     wanted = sheet.choose(field, filled if high > SLOWEST else ("force",))
     rows, columns = -(-len(wanted) // 2), min(len(wanted), 2)
     axes = sheet.panels(rows, columns, 2.8 * rows).ravel()
@@ -98,25 +98,25 @@ def cycles(sheet: Sheet, record: Files, *, x: Window | None = None, field: str |
         ax, norm = panels["slip_rate"], LogNorm(max(SLOWEST, 1e-10 * high), high)
         places, times = edges(position) / x_size, edges(time) / t_size
         mesh = ax.pcolormesh(places, times, np.maximum(rate, norm.vmin or 0), norm=norm, cmap=RATE_MAP, rasterized=True)
-        _stretch(ax, times, [first for first, _ in found])
+        _stretch(ax, times, [first for first, _ in result])
         ax.set(xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit}), by record")
         sheet.figure.colorbar(mesh, ax=ax, label="Magnitude of slip rate (m/s)", extend="min", pad=0.04)
         where = f" in ({chr(97 + wanted.index('slip_rate'))})" if len(wanted) > 1 else ""
         dense = f"Every record has the same height{where}."
     if "largest_rupture" in panels:
-        _largest(sheet, panels["largest_rupture"], record, found, data, x_unit, x_size)
+        _largest(sheet, panels["largest_rupture"], record, result, data, x_unit, x_size)
     speeds = whose_speeds(record) if "largest_rupture" in panels else ""
     sheet.remark(dense, turned(record), speeds, not_resolved(record))
 
 
-def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
+def _stretch(ax: Axes, times: Array, items: list[int]) -> None:
     """Scale the time axis so that every record has the same height, with ticks where ruptures begin."""
     numbers = np.arange(len(times), dtype=float)
     ax.set_yscale("function", functions=(
         lambda time: np.interp(time, times, numbers), lambda number: np.interp(number, numbers, times),
     ))  # fmt: skip
     ticks: list[int] = []
-    for number in (0, *found, len(times) - 1):
+    for number in (0, *items, len(times) - 1):
         if not ticks or number - ticks[-1] > 0.04 * len(times):  # labels have a height
             ticks.append(number)
     ax.set_yticks(times[ticks], [f"{time:.4g}" for time in times[ticks]])
@@ -125,11 +125,11 @@ def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
 
 
 def _largest(
-    sheet: Sheet, ax: Axes, record: Files, found: list[tuple[int, int]], data: Data, x_unit: str, x_size: float
+    sheet: Sheet, ax: Axes, record: Files, items: list[tuple[int, int]], data: Data, x_unit: str, x_size: float
 ) -> None:
     """Draw the rupture with the most slip against the time since its start, with lines at the wave speeds."""
     position, slip = data["position"].values / x_size, data["slip"].values
-    first, last = max(found, key=lambda rows: float(np.abs(slip[rows[1]] - slip[rows[0]]).mean()))
+    first, last = max(items, key=lambda rows: float(np.abs(slip[rows[1]] - slip[rows[0]]).mean()))
     threshold = data.attrs.get("rupture_threshold", 1e-3)
     rate, time = np.abs(data["slip_rate"].values[first : last + 1]), data["time"].values[first : last + 1]
     # Centre the passage of the front: nucleation comes before it, ringing after it.

@@ -69,38 +69,38 @@ def emission(
     sheet.remark(*_remarks(found))
 
 
-def _remarks(found: Emission) -> list[str]:
+def _remarks(value: Emission) -> list[str]:
     when = "of the whole run"
-    if found.failure_time is not None:
-        size, unit = scale(found.failure_time, "s")
-        when = f"before {found.failure_time / size:.4g} {unit}"
-    shares = ", ".join(f"{name} {share:.0%}" for name, share in found.shares.items() if len(found.seismic))
-    of_these = f"{len(found.seismic)} of these radiate a magnitude of -10 at least"
-    known = {part: share for part, share in found.tensile_shares.items() if np.isfinite(share)}
+    if value.failure_time is not None:
+        size, unit = scale(value.failure_time, "s")
+        when = f"before {value.failure_time / size:.4g} {unit}"
+    shares = ", ".join(f"{name} {share:.0%}" for name, share in value.shares.items() if len(value.seismic))
+    of_these = f"{len(value.seismic)} of these radiate a magnitude of -10 at least"
+    known = {part: share for part, share in value.tensile_shares.items() if np.isfinite(share)}
     windows = ", ".join(f"{share:.0%} until {part:.0%}" for part, share in known.items())
     return [
-        f"{len(found.events)} facets failed, {found.before.sum()} {when}; {of_these}{f': {shares}' if shares else ''}.",
+        f"{len(value.events)} facets failed, {value.before.sum()} {when}; {of_these}{f': {shares}' if shares else ''}.",
         f"Tensile share by window: {windows} of that time." if windows else "",
         "Circles in b: events of these, grey: facets that failed until the end. Black in c: clusters of the whole run.",
     ]  # fmt: skip
 
 
-def _magnitudes(ax: Axes, found: Emission) -> None:
+def _magnitudes(ax: Axes, emission: Emission) -> None:
     """Draw the magnitudes of clusters, with their b-value, and of single facets."""
-    if len(found.linked):
-        sizes(ax, found.linked, found.of_clusters)
+    if len(emission.linked):
+        sizes(ax, emission.linked, emission.of_clusters)
     else:
         note(ax, "no seismic event")
-    M = np.sort(found.seismic.magnitude)
+    M = np.sort(emission.seismic.magnitude)
     ax.plot(M, np.arange(len(M), 0, -1), ".", color=COLOURS["shear"], ms=2, label="single facets")
     ax.set_ylim(top=50 * max(len(M), 1))  # room for the inset
     ax.legend(loc="lower left", fontsize=6)
 
 
-def _load(sheet: Sheet, ax: Axes, record: Files, found: Emission) -> None:
+def _load(sheet: Sheet, ax: Axes, record: Files, emission: Emission) -> None:
     """Draw stress against strain, or time, and the number of events."""
     pressed = loading(record)
-    count = np.arange(1, len(found.events) + 1)
+    count = np.arange(1, len(emission.events) + 1)
     failed = np.asarray(record.events["time_of_failure"].values)
     if pressed is None:
         size, unit = sheet.scale("time", failed, "s")
@@ -123,7 +123,7 @@ def _load(sheet: Sheet, ax: Axes, record: Files, found: Emission) -> None:
     right.tick_params(axis="y", colors=COLOURS["shear"])
 
 
-def _map(sheet: Sheet, ax: Axes, record: Files, found: Emission) -> None:
+def _map(sheet: Sheet, ax: Axes, record: Files, emission: Emission) -> None:
     """Draw events before the failure by mode; all facets that failed until the end are grey."""
     data = record.cracks
     lines = data["points"].values[data["lines"].values]
@@ -132,14 +132,14 @@ def _map(sheet: Sheet, ax: Axes, record: Files, found: Emission) -> None:
         failed = data["status"].values[-1] == 2
         ax.add_collection(LineCollection(list(lines[failed] / size), colors="#c8c8c8", linewidths=0.5))
     low, high = (value / size for value in (lines.min(axis=(0, 1)), lines.max(axis=(0, 1))))
-    M, modes = found.seismic.magnitude, found.mode[found.counted]
+    M, modes = emission.seismic.magnitude, emission.mode[emission.counted]
     span = max(float(np.ptp(M)), 1.0) if len(M) else 1.0
     for name in MODES:
         here = modes == name
         if not here.any():
             continue
         area = 1 + (LARGEST_MARK - 1) * np.clip(1 + (M[here] - M.max(initial=-np.inf)) / span, 0, 1) ** 2
-        ax.scatter(found.seismic.x[here] / size, found.seismic.y[here] / size, area, facecolors="none",
+        ax.scatter(emission.seismic.x[here] / size, emission.seismic.y[here] / size, area, facecolors="none",
                    edgecolors=COLOURS[name], linewidths=0.6, label=f"{name} ({here.sum()})")  # fmt: skip
     ax.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     if len(M):
@@ -147,9 +147,9 @@ def _map(sheet: Sheet, ax: Axes, record: Files, found: Emission) -> None:
                   columnspacing=0.5, borderpad=0.0)  # fmt: skip
 
 
-def _rose(ax: Axes, found: Emission) -> None:
+def _rose(ax: Axes, emission: Emission) -> None:
     """Draw the length of failed facets by their direction, before the failure."""
-    limits, length = rose(found.inclination[found.before], found.length[found.before])
+    limits, length = rose(emission.inclination[emission.before], emission.length[emission.before])
     (size, unit) = scale(length, "m") if length.any() else (1.0, "m")
     for turn in (0.0, 180.0):
         ax.bar(np.radians(limits[:-1] + turn), length / size, np.radians(np.diff(limits)), align="edge",

@@ -50,7 +50,7 @@ def forces(
     panels = dict(zip(wanted, axes, strict=True))
     t_size, t_unit = sheet.scale("time", time, "s")
     window = (time[-1] - time[0]) / 200 if window is None else window
-    told = _forces(sheet, panels["forces"], record, window, t_size) if "forces" in panels else ()
+    report = _forces(sheet, panels["forces"], record, window, t_size) if "forces" in panels else ()
     if "states" in panels:
         below = panels["states"]
         below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
@@ -58,7 +58,7 @@ def forces(
         explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     axes[-1].set(xlabel=f"Time ({t_unit})", xlim=(time[0] / t_size, time[-1] / t_size))
     sheet.letter(axes)
-    sheet.remark(*told)
+    sheet.remark(*report)
 
 
 def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float) -> tuple[str, ...]:
@@ -72,11 +72,11 @@ def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float)
     ax.plot(time / t_size, normal / f_size, color="#3a7d44", lw=0.6, label="normal force")
     ax.plot(time / t_size, shear / f_size, color="#bbbbbb", lw=0.6)
     ax.plot(time / t_size, mean / f_size, color="#1a1a1a", label="shear force")
-    found = drops(time, sign * mean, DROP * typical) if typical > 0 else []
-    bends = knees(time, sign * mean, found, BEND * typical) if typical > 0 else []
+    result = drops(time, sign * mean, DROP * typical) if typical > 0 else []
+    bends = knees(time, sign * mean, result, BEND * typical) if typical > 0 else []
     bends = [bend for bend in bends if sign * np.interp(bend.time, time, mean) > DROP * typical]
-    too_many = len(found) > MOST
-    for number, drop in enumerate([] if too_many else found):
+    too_many = len(result) > MOST
+    for number, drop in enumerate([] if too_many else result):
         ax.axvspan(drop.start / t_size, drop.end / t_size, color="#e07b39", alpha=0.3, lw=0,
                    label="drops" if number == 0 else None)  # fmt: skip
     at = np.array([] if too_many else [bend.time for bend in bends])
@@ -88,6 +88,6 @@ def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float)
     limit = f"{100 * DROP:.0f} % of the median normal force"
     return (
         f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}.",
-        f"{len(found)} drops by more than {limit} are too many to be marked." if too_many
-        else f"Drops are larger than {limit}." if found else "",
+        f"{len(result)} drops by more than {limit} are too many to be marked." if too_many
+        else f"Drops are larger than {limit}." if result else "",
     )  # fmt: skip

@@ -42,10 +42,10 @@ class Plates:
 
     def __init__(self, record: Files, fringe_constant: float | None = None, thickness: float | None = None) -> None:
         case, self._bulk = record.case, record.bulk
-        given = case.get("materials", {})
+        materials = case.get("materials", {})
         self.constants = {}
         for name in map(str, np.atleast_1d(self._bulk.attrs.get("bodies", ["bodies"]))):
-            material = given.get(name, given.get("default", {}))
+            material = materials.get(name, materials.get("default", {}))
             self.constants[name] = float(fringe_constant or material.get("fringe_constant", np.nan))
         self.thickness = float(thickness or case.get("output", {}).get("plate_thickness", np.nan))
         self.missing = ""

@@ -127,9 +127,9 @@ def spread(heights: Array, room: float) -> Array:
         while len(merged) > 1 and bottom(merged[-1]) < bottom(merged[-2]) + room * len(merged[-2]):
             merged[-2:] = [merged[-2] + merged[-1]]
     placed = [bottom(group) + room * number for group in merged for number in range(len(group))]
-    found: Array = np.empty(len(heights))
-    found[order] = placed
-    return found
+    values: Array = np.empty(len(heights))
+    values[order] = placed
+    return values
 
 
 def _both_ways(position: Array, arrival: Array, width: float) -> Array:

@@ -66,12 +66,12 @@ def ground_motion(sheet: Sheet, record: Files, *, field: str | Sequence[str] | N
 def _grids(record: Files) -> list[str]:
     """Return the names of the grids that are drawn."""
     tables = [table for table in record.case.get("instruments", []) if table["kind"] == "receiver_grid"]
-    found = []
+    grids = []
     for table in tables:
         apart = sum(first != last for first, last in zip(table["corner"], table["opposite"], strict=True))
         if apart in (1, 2) and "velocity" in table.get("fields", ["velocity"]):
-            found.append(str(table["name"]))
-    return found
+            grids.append(str(table["name"]))
+    return grids
 
 
 def _sides(data: Data) -> list[tuple[str, float]]:

@@ -26,8 +26,8 @@ def suits(record: Files) -> bool:
 
 def states(record: Files) -> list[str]:
     """Return the names of the states in the snapshots of a run."""
-    found = record.bulk.attrs.get("states", [])
-    return [str(name) for name in np.atleast_1d(np.asarray(found, dtype=object))]
+    result = record.bulk.attrs.get("states", [])
+    return [str(name) for name in np.atleast_1d(np.asarray(result, dtype=object))]
 
 
 @figure

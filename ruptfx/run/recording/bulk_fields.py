@@ -191,23 +191,23 @@ class BulkFields:
         """Return the requested fields at the points of this rank's block; collective."""
         model, c = self.model, self.model.components
         _, displacement = state.at_velocity()
-        found = {"velocity": state.velocity.reshape(-1, c), "displacement": displacement.reshape(-1, c)}
-        found = {name: values for name, values in found.items() if name in self._fields}
+        entries = {"velocity": state.velocity.reshape(-1, c), "displacement": displacement.reshape(-1, c)}
+        entries = {name: values for name, values in entries.items() if name in self._fields}
         if {"stress", "fringe"} & set(self._fields):
-            found["stress"] = self._stress(displacement, state)
+            entries["stress"] = self._stress(displacement, state)
         if self._states:
-            found |= {name: values[:, None] for name, values in self._state_values(displacement, state).items()}
-        if not found:
+            entries |= {name: values[:, None] for name, values in self._state_values(displacement, state).items()}
+        if not entries:
             return {}
-        ends = np.cumsum([values.shape[1] for values in found.values()])
-        rows = model.layout.collect(np.column_stack(list(found.values())).ravel())
-        found = dict(zip(found, np.split(rows, ends[:-1], axis=1), strict=True))
+        ends = np.cumsum([values.shape[1] for values in entries.values()])
+        rows = model.layout.collect(np.column_stack(list(entries.values())).ravel())
+        entries = dict(zip(entries, np.split(rows, ends[:-1], axis=1), strict=True))
         if "fringe" in self._fields:
             from ruptfx.results.analysis.photoelasticity import difference_of
 
-            found["fringe"] = difference_of(found["stress"])
-        found |= {name: found[name][:, 0] for name in self._states}
-        return {name: found[name].astype(self._type, copy=False) for name in [*self._fields, *self._states]}
+            entries["fringe"] = difference_of(entries["stress"])
+        entries |= {name: entries[name][:, 0] for name in self._states}
+        return {name: entries[name].astype(self._type, copy=False) for name in [*self._fields, *self._states]}
 
     def append(self, time: float, fields: dict[str, np.ndarray]) -> None:
         """Write this rank's part of one snapshot."""
@@ -312,9 +312,9 @@ class BulkFields:
         of the interface at the foot of its perpendicular. That is in equilibrium, and where the pressure is linear
         along the interface it is an elastic state as well.
         """
-        given = self.model.case.initial_stress
-        if given is not None:
-            whole = matrices(given.effective(points))
+        initial_stress = self.model.case.initial_stress
+        if initial_stress is not None:
+            whole = matrices(initial_stress.effective(points))
             return np.stack([whole[:, i, j] for i, j in self._entries], axis=1)
         stress = np.tile(self.initial_stress, (len(points), 1))
         if self._uneven is not None:
@@ -354,11 +354,11 @@ class BulkFields:
     def _initial_stress(self) -> tuple[np.ndarray, str]:
         """Return the uniform initial stress and its origin; collective."""
         model, entries = self.model, self._entries
-        given = model.case.initial_tensor
-        if model.case.initial_stress is not None and given is None:
+        value = model.case.initial_tensor
+        if model.case.initial_stress is not None and value is None:
             return np.zeros(len(entries)), "given, as it varies in the bodies"
-        if given is not None:
-            return np.array([given[entry] for entry in entries]), "given"
+        if value is not None:
+            return np.array([value[entry] for entry in entries]), "given"
         if not model.faults:
             return np.zeros(len(entries)), "none"
         if model.case.plane == "axisymmetric":
@@ -427,15 +427,15 @@ def recorded_states(model: Model) -> dict[str, RecordedState]:
     RuptfxError
         A name of another field of the file, or of two states with different units or meanings.
     """
-    found: dict[str, RecordedState] = {}
+    entries: dict[str, RecordedState] = {}
     for material in model.given:
         for name, declared in material.recorded_states().items():
             reserved = {*_UNITS, "points", "cells", "body", "body_of_cell", "time"}
-            if name in reserved or found.setdefault(name, declared) != declared:
+            if name in reserved or entries.setdefault(name, declared) != declared:
                 raise RuptfxError(
                     f"{material.kind()}.recorded_states: another field of snapshots has the name '{name}'; rename it"
                 )
-    return found
+    return entries
 
 
 def carried(normal: np.ndarray, pressure: float, shear: np.ndarray, components: int) -> np.ndarray:

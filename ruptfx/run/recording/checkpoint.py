@@ -189,8 +189,8 @@ class Checkpoint:
             No undamaged checkpoint, or one of another case or version.
         """
 
-        found = parallel.on_root(comm, lambda: newest(all_of(out), case))
-        return None if found is None else cls(*found)
+        root = parallel.on_root(comm, lambda: newest(all_of(out), case))
+        return None if root is None else cls(*root)
 
     def restore_files(self, out: Path) -> None:
         """Restore the history files of interfaces and energies; rank 0 only.
@@ -267,8 +267,8 @@ def _complete(temporary: Path, final: Path, manifest: Table) -> None:
 
 def all_of(out: Path) -> list[Path]:
     """Return the checkpoints of a run directory, the newest last."""
-    found = (out / FOLDER).glob("step_*")
-    return sorted(path for path in found if path.is_dir() and path.name.removeprefix("step_").isdecimal())
+    result = (out / FOLDER).glob("step_*")
+    return sorted(path for path in result if path.is_dir() and path.name.removeprefix("step_").isdecimal())
 
 
 def newest(paths: list[Path], case: Case) -> tuple[Path, Table] | None:
@@ -358,9 +358,9 @@ def _require_own_data(path: Path) -> None:
         return next((f"{name}/{key}" for key in links), None)
 
     with h5py.File(path, locking=False) as file:
-        found = elsewhere("", file) or file.visititems(elsewhere)
-    if found is not None:
-        raise CheckpointError(f"{path}: keeps '{found}' in another file, as no run does; do not use this checkpoint")
+        result = elsewhere("", file) or file.visititems(elsewhere)
+    if result is not None:
+        raise CheckpointError(f"{path}: keeps '{result}' in another file, as no run does; do not use this checkpoint")
 
 
 def _sync(path: Path) -> None:

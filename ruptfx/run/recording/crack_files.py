@@ -155,8 +155,8 @@ class CrackFiles:
                 _ATTRIBUTE.substitute(name=name, facets=count, row=row, rows=len(times))
                 for name in SNAPSHOTS if name != "status"
             )  # fmt: skip
-            found = {"facets": count, "points": 2 * count, "attributes": attributes}
-            grids.append(_GRID.substitute(found, time=repr(float(time))))
+            entries = {"facets": count, "points": 2 * count, "attributes": attributes}
+            grids.append(_GRID.substitute(entries, time=repr(float(time))))
         _whole(self._out / "cracks.xdmf", lambda path: path.write_text(_XDMF.substitute(grids="".join(grids))))
 
     def write_events(self, state: FaultState) -> None:
@@ -203,11 +203,11 @@ def facets_of(cracks: CrackStep) -> FaultState:
     opening, slip = np.full(len(order), np.nan), np.full(len(order), np.nan)
     for group in cracks.groups:
         if group.laws.cohesion is not None:
-            for found, of_ends in (
+            for result, of_ends in (
                 (opening, group.laws.cohesion.opening_at_failure), (slip, group.laws.cohesion.slip_at_failure)
             ):  # fmt: skip
-                both = np.broadcast_to(of_ends, 2 * len(found[group.facets])).reshape(-1, 2)
-                found[group.facets] = both.mean(axis=1)
+                both = np.broadcast_to(of_ends, 2 * len(result[group.facets])).reshape(-1, 2)
+                result[group.facets] = both.mean(axis=1)
     return {
         "ends": net.ends[order].reshape(-1, 4), "normal": net.normal[order], "length": net.length[order],
         "bodies": net.bodies[order].astype(float), "joint": net.joint[order].astype(float),

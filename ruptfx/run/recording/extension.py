@@ -54,14 +54,14 @@ def extend(out: Path, before: Case, longer: Case) -> Case:
         paths = checkpoint.all_of(source)
         if (source / run_files.SUMMARY).is_file():
             paths += filter(Path.is_dir, [source / checkpoint.FOLDER / directories.FINAL])
-        found = checkpoint.newest(paths, before)
-        if found is None:
+        result = checkpoint.newest(paths, before)
+        if result is None:
             raise RuptfxError(
                 f"{out}: has no checkpoint to go on from; run its case from the beginning: "
                 f"ruptfx run {shlex.quote(str(out / run_files.CASE))} --out {shlex.quote(f'{out}-longer')} "
                 f"--set duration={longer.duration!r}"
             )
-        path, manifest = found
+        path, manifest = result
         place = directories.renew(out / ".part")
         copy = place / checkpoint.FOLDER / f"step_{manifest['step']:08d}"
         copy.mkdir(parents=True)

@@ -31,7 +31,7 @@ class InstrumentsFile(GrowingFile):
     def __init__(self, path: Path, instruments: list[tuple[Instrument, list[Channel]]], attributes: Table) -> None:
         super().__init__(path)
         self._names = {
-            instrument.name: list(dict.fromkeys(channel.name for channel in found)) for instrument, found in instruments
+            instrument.name: list(dict.fromkeys(channel.name for channel in value)) for instrument, value in instruments
         }
         self._grids = {instrument.name: instrument.grid is not None for instrument, _ in instruments}
         self._waiting: dict[str, list[tuple[np.ndarray, list[np.ndarray]]]] = {name: [] for name in self._names}

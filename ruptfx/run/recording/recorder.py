@@ -85,10 +85,10 @@ class Recorder:
     @property
     def keepers(self) -> dict[str, Keeper]:
         """Return the objects of the recorder with data for checkpoints, itself among them."""
-        found: dict[str, Keeper] = {"recorder": self, "samples": self.samples}
+        entries: dict[str, Keeper] = {"recorder": self, "samples": self.samples}
         for each in self.parts:
-            found |= each.keepers()
-        return found
+            entries |= each.keepers()
+        return entries
 
     def table(self) -> Table:
         """Return all data that change, for a checkpoint."""

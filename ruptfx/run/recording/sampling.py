@@ -129,10 +129,10 @@ class Samples:
                     "which nothing is known; make it longer, or the step shorter with stepper.time_step"
                 )
             self.instruments.append((instrument, instrument.channels(readings, key)))
-        channels = [channel for _, found in self.instruments for channel in found]
-        owner = [instrument for instrument, found in self.instruments for _ in found]
+        channels = [channel for _, result in self.instruments for channel in result]
+        owner = [instrument for instrument, result in self.instruments for _ in result]
         # One group for instruments of one interval with the same readings.
-        needs = [(each.interval, _clocks(found)) for each, found in self.instruments for _ in found]
+        needs = [(each.interval, _clocks(result)) for each, result in self.instruments for _ in result]
         groups = sorted(set(needs))
         self._intervals = [interval for interval, _ in groups]
         group = np.array([groups.index(need) for need in needs], dtype=int)

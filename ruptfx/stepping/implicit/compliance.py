@@ -102,11 +102,11 @@ class Jumps:
 
     def changes(self, fields: Iterable[np.ndarray]) -> np.ndarray:
         """Return jumps at all points of displacements, shape (size,) each: (points, local, fields) [m]."""
-        found: dict[str, list[np.ndarray]] = {name: [] for name in self._faces}
+        entries: dict[str, list[np.ndarray]] = {name: [] for name in self._faces}
         for field in fields:
             for name, face in self._faces.items():
-                found[name].append(face.rate(field))
-        return self.gather({name: np.stack(rates, axis=2) for name, rates in found.items()})
+                entries[name].append(face.rate(field))
+        return self.gather({name: np.stack(rates, axis=2) for name, rates in entries.items()})
 
     def force(self, traction: np.ndarray, size: int) -> np.ndarray:
         """Return J' W traction at the local degrees of freedom [N], from tractions of shape (points, local)."""
@@ -120,14 +120,14 @@ class Jumps:
 
         The rest is zero if the force acts at the interfaces only. Returns tractions and rest.
         """
-        found = {}
+        entries = {}
         for name, face in self._faces.items():
             nodal = force.reshape(-1, face.frame.shape[2])
             pull = nodal[face.plus] if face.one_sided else 0.5 * (nodal[face.plus] - nodal[face.minus])
             factor = face.jump_factor
             along = np.einsum("ikc,ic->ik", face.frame, pull) / face.weight[:, None]
-            found[name] = np.where(factor > 0, along / np.where(factor > 0, factor, 1.0), 0.0)
-        traction = self.gather(found)
+            entries[name] = np.where(factor > 0, along / np.where(factor > 0, factor, 1.0), 0.0)
+        traction = self.gather(entries)
         return traction, force - self.force(traction, len(force))
 
 
@@ -205,15 +205,15 @@ class Factors:
             dense.setUp()
             dense.assemble()
             matrices.append(dense)
-        given, found = matrices
-        loads = given.getDenseArray()
+        value, result = matrices
+        loads = value.getDenseArray()
         for column, force in enumerate(forces):
             loads[:, column] = self._on_unknowns(force)
-        given.assemble()
-        self._whole.matrix.matSolve(given, found)
-        answers = found.getDenseArray().copy()
-        given.destroy()
-        found.destroy()
+        value.assemble()
+        self._whole.matrix.matSolve(value, result)
+        answers = result.getDenseArray().copy()
+        value.destroy()
+        result.destroy()
         for answer in answers.T:
             self._ghosted.x.array[: self._owned] = answer
             yield self._displacement()
@@ -269,8 +269,8 @@ class Factors:
                     unit[group, k] = 1.0
                     yield unknowns.force(unit, len(self.model.mass))
 
-        found = unknowns.changes(self.solve_each(forces(), len(groups) * local))
-        return found.reshape(unknowns.points, local, len(groups), local)
+        changes = unknowns.changes(self.solve_each(forces(), len(groups) * local))
+        return changes.reshape(unknowns.points, local, len(groups), local)
 
     def destroy(self) -> None:
         """Free the factors; collective."""

@@ -175,10 +175,10 @@ class Equilibrium(Terms):
         self._everywhere(lambda follower: follower.at(u))
         while solution is None or changes[-1] > SETTLED:
             if len(changes) == MOST_FACINGS:
-                told = ", ".join(f"{change:.2g}" for change in changes)
+                data = ", ".join(f"{change:.2g}" for change in changes)
                 raise ConvergenceError(
                     f"no equilibrium at time {state.time + dt:.6g} s, step of {dt:.4g} s: what the points of "
-                    f"faults.{followers[0].name} face goes on changing, by {told} of the largest pressure, {SETTLED:g} "
+                    f"faults.{followers[0].name} face goes on changing, by {data} of the largest pressure, {SETTLED:g} "
                     "is small enough"
                 )
             solution = self._solve(state, dt, rates, load, u, solution)
@@ -308,19 +308,19 @@ class Equilibrium(Terms):
         size = np.where(np.isfinite(size), size, np.inf)
         worst = int(np.argmax(size)) if len(size) else 0
         node = worst // model.components
-        told = "(" + ", ".join(f"{value:.6g}" for value in model.coordinates[node]) + ") m"
+        report = "(" + ", ".join(f"{value:.6g}" for value in model.coordinates[node]) + ") m"
         for fault in model.faults:
             face = fault.interface
             for point in np.flatnonzero((face.plus == node) | (face.minus == node)):
-                told += f", point {face.number[point]} of fault '{fault.name}'"
+                report += f", point {face.number[point]} of fault '{fault.name}'"
         if step.error:
-            told = str(step.error)
+            report = str(step.error)
         # A point whose law failed comes first, then the largest residual.
-        found = model.comm.allgather((step.error is not None, float(size.max(initial=0.0)), told))
+        result = model.comm.allgather((step.error is not None, float(size.max(initial=0.0)), report))
         history = ", ".join(f"{value:.3g}" for value in residuals[-12:])
         reason = solver.reason if outer < MAX_OUTER else f"tractions still change after {outer} outer iterations"
         return ConvergenceError(
             f"no equilibrium at time {step.time:.6g} s, step of {step.dt:.4g} s: {reason} after "
             f"{len(residuals)} evaluations; residuals {history} N of forces of {step.scale:.3g} N; "
-            f"worst: {max(found, key=lambda item: item[:2])[2]}"
+            f"worst: {max(result, key=lambda item: item[:2])[2]}"
         )

@@ -57,14 +57,14 @@ class Forces:
 
     def tractions(self, state: State) -> dict[str, np.ndarray]:
         """Return T - T_0 [Pa] of a state by fault, tension positive, shape (n, local)."""
-        found = {}
+        entries = {}
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             change = [fault.components(fields, "shear_traction") - fault.driving_shear(state.time)]
             if fault.interface.has_normal:
                 change.insert(0, (fault.normal_stress_0 - fields["normal_stress"])[:, None])
-            found[fault.name] = np.concatenate(change, axis=1)
-        return found
+            entries[fault.name] = np.concatenate(change, axis=1)
+        return entries
 
     def carried(self, state: State) -> np.ndarray:
         """Return internal and damping forces less the load of a state [N]."""

@@ -103,21 +103,21 @@ class LoadedBodies:
         time.
         """
         model, dot, (last, jump) = self._model, self._model.layout.owned_dot, self._reference
-        given = self._loads(time)
-        products = [[dot(new, old), dot(old, old)] for new, old in zip(given, last, strict=True)]
+        loads = self._loads(time)
+        products = [[dot(new, old), dot(old, old)] for new, old in zip(loads, last, strict=True)]
         along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))
         part = float(along / square) if square > 0 else 0.0
-        same = all(np.allclose(new, part * old, 1e-12, 0.0) for new, old in zip(given, last, strict=True))
-        return self._jump_under(given, time) if parallel.anywhere(model.comm, not same) else np.asarray(part * jump)
+        same = all(np.allclose(new, part * old, 1e-12, 0.0) for new, old in zip(loads, last, strict=True))
+        return self._jump_under(loads, time) if parallel.anywhere(model.comm, not same) else np.asarray(part * jump)
 
     def _loads(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Return nodal forces [N] and the displacement of driven edges [m]."""
         moved = self._model.loads.moved(np.zeros(len(self._model.mass)), 0.0, time)
         return self._equilibrium.forces.load(time), moved
 
-    def _jump_under(self, given: tuple[np.ndarray, np.ndarray], time: float) -> np.ndarray:
+    def _jump_under(self, value: tuple[np.ndarray, np.ndarray], time: float) -> np.ndarray:
         """Return the jump of `loaded_jump` by a solution for the given loads."""
-        moved = given[1]
+        moved = value[1]
         return self.jumps.of(self._balanced(moved, time, blockwise_product(self._stuck, self.jumps.of(moved))))
 
     def _balanced(self, u: np.ndarray, time: float, push: np.ndarray) -> np.ndarray:

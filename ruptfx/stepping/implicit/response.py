@@ -117,7 +117,7 @@ class FaultResponse:
             code.put("shear_traction_0", fault.driving_shear(time))
         new = dict(zip(code.names, np.empty((len(code.names), n)), strict=True))
         change, tangent = np.empty((n, local)), np.empty((n, local, local))
-        given = (
+        items = (
             np.ascontiguousarray(jump), np.column_stack(multiplier), np.ascontiguousarray(body_stiffness),
             self.radiation, np.linalg.norm(fault.components(guess or state, "mean_slip_rate"), axis=1), code.fixed,
             code.numbers,
@@ -125,7 +125,7 @@ class FaultResponse:
         if self._state is not state:  # the arrays of a run keep their memory
             self._state, self._table = state, code.table(state)
         tables = self._table, code.table(new)
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (self._times, *given)]
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (self._times, *items)]
         results = [ctypes.c_void_p(array.ctypes.data) for array in (change, tangent, self._result)]
         self._library.respond(ctypes.c_long(n), *pointers, *map(ctypes.byref, tables), *results)
         if self._result[1] >= 0:

@@ -104,6 +104,6 @@ class Solution:
         state.time += self.dt
         state.step += 1
         state.numbers["dt_before"] = self.dt
-        taken = {name: answer.commit(state, self.faults[name], self.dt) for name, answer in self._answers.items()}
+        entries = {name: answer.commit(state, self.faults[name], self.dt) for name, answer in self._answers.items()}
         for follower in self.followers:
-            follower.commit(state, moved, sum(taken[follower.name]))
+            follower.commit(state, moved, sum(entries[follower.name]))

@@ -197,9 +197,9 @@ class PairedCompliance(Influence):
         def finish(q: np.ndarray) -> np.ndarray:
             pull = self._jump.T @ (self.weight[:, None] * q).ravel()
             v = self._compliance @ (acting - pull)
-            given = np.zeros(len(bodies.free))
-            given[bodies.free] = bodies.springs * v - self._closed @ v - pull
-            rest = surfaces.force(given.reshape(-1, surfaces.local), len(force))
+            values = np.zeros(len(bodies.free))
+            values[bodies.free] = bodies.springs * v - self._closed @ v - pull
+            rest = surfaces.force(values.reshape(-1, surfaces.local), len(force))
             return np.asarray(moved + bodies.factors.solve(begun + rest))
 
         return (self._jump @ (self._compliance @ acting)).reshape(len(self.weight), -1), finish

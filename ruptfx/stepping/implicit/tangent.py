@@ -56,9 +56,9 @@ class Tangent:
         self.unit = float(total) / (model.total_nodes * model.components)
         layout, c = model.layout, model.components
         layout.equalise(self.diagonal)
-        given = model.loads.prescribed.copy()
-        given.reshape(model.nodes, c)[layout.copies] = True
-        here = np.flatnonzero(given[: self._owned])
+        value = model.loads.prescribed.copy()
+        value.reshape(model.nodes, c)[layout.copies] = True
+        here = np.flatnonzero(value[: self._owned])
         rows = model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
         self._given_rows = rows.astype(fem.PETSc.IntType)
         self._built: tuple[tuple[float, float], dict[str, np.ndarray], list[np.ndarray]] | None = None

@@ -92,8 +92,8 @@ class AnyState:
         rate, stress, dt = symbol("slip_rate"), symbol("normal_stress"), symbol("since")
         later: LawState = record(traced.advance, state, rate, stress, dt)
         rates = {name: derivative(later[name] + constant(0), dt) for name in self._names}
-        given = ["slip_rate", "normal_stress", "since", *values, *(f"s_{name}" for name in self._names)]
-        self._values, self._function = values.values(), to_numpy(rates, given)
+        items = ["slip_rate", "normal_stress", "since", *values, *(f"s_{name}" for name in self._names)]
+        self._values, self._function = values.values(), to_numpy(rates, items)
 
     def variables(self, state: Mapping[str, np.ndarray]) -> np.ndarray:
         return np.array([state[name] for name in self._names]).reshape(self.columns, len(self.D_c)).T
@@ -102,24 +102,24 @@ class AnyState:
         return {name: variables[:, k] for k, name in enumerate(self._names)}
 
     def rates(self, state: LawState, slip_rate: np.ndarray, normal_stress: np.ndarray) -> np.ndarray:
-        found = self._function(slip_rate, normal_stress, 0.0, *self._values, *state.values())
+        function = self._function(slip_rate, normal_stress, 0.0, *self._values, *state.values())
         columns = np.zeros((len(slip_rate), self.columns))
-        for k, column in enumerate(found):
+        for k, column in enumerate(function):
             columns[:, k] = column
         return columns
 
     def errors(
         self, variables: np.ndarray, wrong: np.ndarray, slip_rate: np.ndarray, normal_stress: np.ndarray
     ) -> np.ndarray:
-        found = np.zeros_like(wrong)
+        values = np.zeros_like(wrong)
         if self.columns:
             with np.errstate(all="ignore"):  # trial steps that are too long
                 first, last = (
                     np.asarray(self._law.strength(slip_rate, normal_stress, self.state(each)))
                     for each in (variables, variables + wrong)
                 )
-                found[:, 0] = np.abs(first - last) / normal_stress
-        return found
+                values[:, 0] = np.abs(first - last) / normal_stress
+        return values
 
 
 def evolution_of(model: System, fault: Fault) -> Evolution:

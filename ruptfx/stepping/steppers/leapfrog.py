@@ -167,7 +167,7 @@ class LeapfrogMotion:
         internal = None
         if watched:
             internal = state.force[nodes.dofs]
-            outside += [found for each in self.mechanisms for found in each.outside_energy()]
+            outside += [item for each in self.mechanisms for item in each.outside_energy()]
         self._call(state, kick, self._add_external, self._combine, self._before_kick)
         nodes.kick(state, kick)
         self._call(state, kick, self._after_kick, self._account)

@@ -194,8 +194,8 @@ class QuasiDynamicMotion(SlowMotion):
         end, off, traction, rate = (self._jumps.pick(each, fault.name) for each in (y, wrong, traction, rate))
         here = slice(shear, shear + evolution.columns)
         pressure, _ = self._stresses(fault, time, traction)
-        found = evolution.errors(end[:, here], off[:, here], np.linalg.norm(rate, axis=1), pressure)
-        return np.pad(found, ((0, 0), (0, self._states - evolution.columns)))
+        errors = evolution.errors(end[:, here], off[:, here], np.linalg.norm(rate, axis=1), pressure)
+        return np.pad(errors, ((0, 0), (0, self._states - evolution.columns)))
 
     def _slope(
         self, time: float, loaded: np.ndarray, growth: np.ndarray, y: np.ndarray
@@ -206,12 +206,12 @@ class QuasiDynamicMotion(SlowMotion):
         """
         shear = y.shape[1] - self._states
         traction = self._agreed(self._bodies.traction(loaded, y[:, :shear]))
-        found, self._unbalanced = {}, None
+        result, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
                 whole = (y[:, shear:], traction, growth, self._guess, self._bodies.prescribed)
-                found[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
-        columns = self._jumps.gather(found)
+                result[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
+        columns = self._jumps.gather(result)
         rate, ageing, traction = np.split(columns, np.cumsum([shear, self._states]), axis=1)
         speed = np.linalg.norm(rate, axis=1)
         self._guess = np.where(np.isfinite(speed), speed, self._guess)
@@ -279,8 +279,8 @@ class QuasiDynamicMotion(SlowMotion):
         u, internal = self._bodies.displacement(moved, time, end[:, : end.shape[1] - self._states], traction)
         faults = {}
         for fault in model.faults:
-            given = (jumps.pick(each, fault.name) for each in (end, traction, rate))
-            faults[fault.name] = self._fields(fault, state, dt, *given)
+            items = (jumps.pick(each, fault.name) for each in (end, traction, rate))
+            faults[fault.name] = self._fields(fault, state, dt, *items)
         return Solution(u, internal, faults, dt, 0, 1, [], 0.0, self.equilibrium.answers)
 
     def _fields(

@@ -71,28 +71,28 @@ def convert(
     ConversionError
         With every reason.
     """
-    given = Input(read(text), folder, {name.lower() for name in without})
-    found = _Case(given, mesh_file)
-    table = found.table()
-    if given.problems:
-        lines = ["no counterpart, or incomplete:", *(f"  {each}" for each in given.problems)]
-        if names := _removable(text, given, mesh_file):
+    value = Input(read(text), folder, {name.lower() for name in without})
+    case = _Case(value, mesh_file)
+    table = case.table()
+    if value.problems:
+        lines = ["no counterpart, or incomplete:", *(f"  {each}" for each in value.problems)]
+        if names := _removable(text, value, mesh_file):
             options = " ".join(f"--without {name}" for name in names)
             lines.append(f"can be left out of the case, which changes the result: {options}")
         raise ConversionError("\n".join(lines))
-    head = [f"# From {source} of SEM2DPACK, by: ruptfx convert", *(f"# - {note}" for note in given.notes)]
-    return Conversion("\n".join(head) + "\n" + tomli_w.dumps(table), given.notes, found.mesh_text)
+    head = [f"# From {source} of SEM2DPACK, by: ruptfx convert", *(f"# - {note}" for note in value.notes)]
+    return Conversion("\n".join(head) + "\n" + tomli_w.dumps(table), value.notes, case.mesh_text)
 
 
-def _removable(text: str, given: Input, mesh_file: str) -> list[str]:
+def _removable(text: str, value: Input, mesh_file: str) -> list[str]:
     """Return the refused features without which fewer problems remain; none if the case without them is invalid."""
-    refused = dict.fromkeys(each.partition(":")[0] for each in given.problems if not each.startswith("&"))
+    refused = dict.fromkeys(each.partition(":")[0] for each in value.problems if not each.startswith("&"))
 
     def attempt(names: Iterable[str]) -> tuple[Input, Table]:
-        again = Input(read(text), given.folder, given.without.union(name.lower() for name in names))
+        again = Input(read(text), value.folder, value.without.union(name.lower() for name in names))
         return again, _Case(again, mesh_file).table()
 
-    names = [name for name in refused if set(attempt([name])[0].problems) < set(given.problems)]
+    names = [name for name in refused if set(attempt([name])[0].problems) < set(value.problems)]
     remaining, table = attempt(names)
     if not remaining.problems:
         try:
@@ -232,19 +232,19 @@ class _Case:
     def _boundaries(self) -> None:
         assert self.layout is not None
         plane, duration = self.case["plane"], self.case.get("duration", 1.0)
-        found, open_edges = boundaries.read(self.given, self.layout, plane)
+        result, open_edges = boundaries.read(self.given, self.layout, plane)
         self.mesh_text = self.layout.gmsh()
         width = self.given.one("GENERAL").number("w", INFINITE)
         if width < INFINITE:
-            found.append({"kind": "body_spring", "width": width})
+            result.append({"kind": "body_spring", "width": width})
             if any(medium.table["kind"] != "isotropic_elastic" for medium in self.media.values()):
                 self.given.note("the restoring force of the width W acts in all bodies, also in inelastic ones")
-        self.case["boundaries"] = sources.read(self.given, self.layout, plane, duration, found, open_edges)
+        self.case["boundaries"] = sources.read(self.given, self.layout, plane, duration, result, open_edges)
 
     def _receivers(self) -> None:
         assert self.layout is not None
         time = self.given.one("TIME")
         time_step = steps.step(time, self.layout, self.media, self.case["plane"] == "antiplane")
         shortest = time_step if "dt" in time.values else steps.LARGEST / time.number("courant", 0.5) * time_step
-        if found := receivers.read(self.given, self.layout, time_step, shortest):
-            self.case["instruments"] = found
+        if result := receivers.read(self.given, self.layout, time_step, shortest):
+            self.case["instruments"] = result

@@ -39,8 +39,8 @@ class Block:
 
     def get(self, key: str, default: Value) -> Value:
         """Return the first value of a key."""
-        found = self.values.get(key)
-        return found[0] if found else default
+        result = self.values.get(key)
+        return result[0] if result else default
 
     def word(self, key: str, default: str = "") -> str:
         """Return the first value of a key in upper case."""
@@ -71,15 +71,15 @@ class Block:
         ------
         ConversionError
         """
-        found = self.values.get(key, list(default or ()))
-        if len(found) != 2 or any(isinstance(value, bool | str) for value in found):
-            raise ConversionError(f"&{self.name} {key}: two numbers are required, and {len(found)} values are given")
-        return float(found[0]), float(found[1])
+        result = self.values.get(key, list(default or ()))
+        if len(result) != 2 or any(isinstance(value, bool | str) for value in result):
+            raise ConversionError(f"&{self.name} {key}: two numbers are required, and {len(result)} values are given")
+        return float(result[0]), float(result[1])
 
     def integers(self, *keys: str) -> list[int]:
         """Return the integers of the first of several keys that is present."""
-        found = next((self.values[key] for key in keys if key in self.values), [])
-        return [int(float(value)) for value in found]
+        match = next((self.values[key] for key in keys if key in self.values), [])
+        return [int(float(value)) for value in match]
 
 
 @dataclass
@@ -161,12 +161,12 @@ class Input:
     def following(self, block: Block, beginnings: tuple[str, ...], end: tuple[str, ...]) -> list[Block]:
         """Return the blocks right after one whose names have given beginnings, up to one of the names in `end`."""
         place = next(number for number, other in enumerate(self.blocks) if other is block)
-        found = []
+        items = []
         for other in self.blocks[place + 1 :]:
             if other.name in end or not other.name.startswith(beginnings):
                 break
-            found.append(other)
-        return found
+            items.append(other)
+        return items
 
     def table(self, block: Block, columns: int) -> Floats:
         """Return the numbers of the file that a block names, shape (rows, columns at least).
@@ -211,19 +211,19 @@ def read(text: str) -> list[Block]:
         There is none, f90nml is not installed, or cannot read one.
     """
     text = "\n".join(_without_comment(line) for line in text.splitlines())
-    found = list(GROUP.finditer(text))
-    if not found:
+    items = list(GROUP.finditer(text))
+    if not items:
         raise ConversionError("no &NAME ... / block in it; is it an input of SEM2DPACK?")
-    return list(_blocks(text, found))
+    return list(_blocks(text, items))
 
 
-def _blocks(text: str, found: list[re.Match[str]]) -> Iterator[Block]:
+def _blocks(text: str, items: list[re.Match[str]]) -> Iterator[Block]:
     try:
         import f90nml
     except ImportError:
         raise ConversionError("f90nml is not installed: pip install 'ruptfx[convert]'") from None
-    ends = [match.start() for match in found[1:]] + [len(text)]
-    for match, end in zip(found, ends, strict=True):
+    ends = [match.start() for match in items[1:]] + [len(text)]
+    for match, end in zip(items, ends, strict=True):
         name = match[1].upper()
         try:
             group = f90nml.Parser().reads(match[0])
@@ -239,8 +239,8 @@ def _blocks(text: str, found: list[re.Match[str]]) -> Iterator[Block]:
 
 def _without_comment(line: str) -> str:
     """Return a line up to # or !, unless these are quoted."""
-    found = re.match(r"(?:[^'\"#!]|'[^']*'|\"[^\"]*\")*", line)
-    return found[0] if found else ""
+    match = re.match(r"(?:[^'\"#!]|'[^']*'|\"[^\"]*\")*", line)
+    return match[0] if match else ""
 
 
 def _listed(value: object) -> Iterable[object]:

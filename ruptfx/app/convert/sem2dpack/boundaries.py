@@ -24,7 +24,7 @@ class Fault:
     blocks: list[Block]
 
 
-def fault(given: Input) -> Fault | None:
+def fault(value: Input) -> Fault | None:
     """Return the fault of an input; None where there is none.
 
     Raises
@@ -32,32 +32,32 @@ def fault(given: Input) -> Fault | None:
     ConversionError
         There are several, or its tags are not 5, 6 or one edge.
     """
-    found = [block for block in given.all("BC_DEF") if block.word("kind") in FAULTS]
-    if not found:
+    items = [block for block in value.all("BC_DEF") if block.word("kind") in FAULTS]
+    if not items:
         return None
-    tags = tuple(sorted(found[0].integers("tags", "tag")))
-    if len(found) > 1:
-        raise ConversionError(f"&BC_DEF: {len(found)} faults, and one is converted; remove the others")
+    tags = tuple(sorted(items[0].integers("tags", "tag")))
+    if len(items) > 1:
+        raise ConversionError(f"&BC_DEF: {len(items)} faults, and one is converted; remove the others")
     if tags != (5, 6) and len(tags) != 1:
         raise ConversionError(
             f"&BC_DEF tags = {list(tags)}: a fault is at 5, 6 inside of the mesh, or at one edge; change the tags"
         )
-    kind = found[0].word("kind")
+    kind = items[0].word("kind")
     if kind == "LISFLT" and len(tags) == 1:
         raise ConversionError(
             f"&BC_DEF kind = 'LISFLT', tag = {tags[0]}: a linear-slip fault needs both sides; use tags = 5, 6 in a "
             "mesh with the fault inside"
         )
-    return Fault(tags, kind, _own(given, found[0]))
+    return Fault(tags, kind, _own(value, items[0]))
 
 
-def read(given: Input, layout: Layout, plane: str) -> tuple[list[Table], list[str]]:
+def read(value: Input, layout: Layout, plane: str) -> tuple[list[Table], list[str]]:
     """Return the boundaries of the case, and the absorbing edges that let waves in."""
     boundaries: list[Table] = []
     open_edges: list[str] = []
-    for block in given.all("BC_DEF"):
+    for block in value.all("BC_DEF"):
         kind, tags = block.word("kind"), block.integers("tags", "tag")
-        own = next(iter(_own(given, block)), Block("", {}))
+        own = next(iter(_own(value, block)), Block("", {}))
         if kind in FAULTS:
             continue
         if kind == "ABSORB":
@@ -66,24 +66,24 @@ def read(given: Input, layout: Layout, plane: str) -> tuple[list[Table], list[st
             if own.get("let_wave", True):
                 open_edges += edges
             if own.get("stacey", False):
-                given.note("absorbing edges are Lysmer's dashpots, also where stacey = T")
+                value.note("absorbing edges are Lysmer's dashpots, also where stacey = T")
         elif kind == "DIRNEU":
-            boundaries += _dirneu(given, own, layout.edges(tags), plane)
+            boundaries += _dirneu(value, own, layout.edges(tags), plane)
         elif kind in ("PERIOD", "PERIODIC"):
             boundaries += _periodic(layout, tags)
         else:
-            given.refuse(f"BC_DEF.{kind}", REFUSED.get(kind, "a boundary without counterpart"))
+            value.refuse(f"BC_DEF.{kind}", REFUSED.get(kind, "a boundary without counterpart"))
     return boundaries, open_edges
 
 
-def _own(given: Input, block: Block) -> list[Block]:
+def _own(value: Input, block: Block) -> list[Block]:
     """Return the blocks that belong to a boundary."""
-    return given.following(block, ("BC_", "DIST_", "STF_"), ("BC_DEF",))
+    return value.following(block, ("BC_", "DIST_", "STF_"), ("BC_DEF",))
 
 
-def _dirneu(given: Input, block: Block, edges: list[str], plane: str) -> list[Table]:
+def _dirneu(value: Input, block: Block, edges: list[str], plane: str) -> list[Table]:
     """Return components of the motion that are zero; those that are free need no entry."""
-    given.refuse_keys(block, "an edge with a time function; write it as driven, moved or traction", "hstf", "vstf")
+    value.refuse_keys(block, "an edge with a time function; write it as driven, moved or traction", "hstf", "vstf")
     names = {"h": "z"} if plane == "antiplane" else {"h": "x", "v": "y"}
     fixed = [ours for theirs, ours in names.items() if block.word(theirs, "N") == "D"]
     return [

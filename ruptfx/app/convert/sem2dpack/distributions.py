@@ -19,7 +19,7 @@ Field = Callable[[Floats, Floats], Floats]
 """Values at x and z."""
 
 
-def value(given: Input, block: Block, key: str, default: float, shapes: list[Block], line: FaultLine) -> float | Table:
+def value(values: Input, block: Block, key: str, default: float, shapes: list[Block], line: FaultLine) -> float | Table:
     """Return the value of a key along a fault: a number, or a profile where ``keyH`` names a distribution.
 
     Parameters
@@ -35,16 +35,16 @@ def value(given: Input, block: Block, key: str, default: float, shapes: list[Blo
     if not kind:
         return block.number(key, default)
     if not shapes or shapes[0].name != f"DIST_{kind}":
-        found = f"&{shapes[0].name}" if shapes else "nothing"
+        text = f"&{shapes[0].name}" if shapes else "nothing"
         raise ConversionError(
-            f"&{block.name} {key}H = '{kind}': &DIST_{kind} must follow, and {found} does; write its block after those "
+            f"&{block.name} {key}H = '{kind}': &DIST_{kind} must follow, and {text} does; write its block after those "
             "of the keys before it"
         )
     shape = shapes.pop(0)
-    return profile(field(given, shape), shape, line)
+    return profile(field(values, shape), shape, line)
 
 
-def field(given: Input, shape: Block) -> Field:
+def field(value: Input, shape: Block) -> Field:
     """Return the field of a distribution.
 
     Raises
@@ -60,20 +60,20 @@ def field(given: Input, shape: Block) -> Field:
         raise ConversionError(
             f"&{shape.name}: this distribution has no counterpart; use one of {', '.join(sorted(kinds))}"
         )
-    return kinds[shape.name](given, shape)
+    return kinds[shape.name](value, shape)
 
 
 def profile(values: Field, shape: Block, line: FaultLine) -> float | Table:
     """Return a field along a fault as a profile."""
     x, z = line.points.T
-    found = values(x, z)
-    if np.ptp(found) <= 1e-12 * np.abs(found).max(initial=0.0):
-        return float(found[0])
+    result = values(x, z)
+    if np.ptp(result) <= 1e-12 * np.abs(result).max(initial=0.0):
+        return float(result[0])
     formula = _boxcar(shape, line) if shape.name == "DIST_PWCONR" else _bell(shape, line)
     if formula is not None:
         return formula
-    keep = _corners(line.positions, found)
-    return {"kind": "table", "positions": line.positions[keep].tolist(), "values": found[keep].tolist()}
+    keep = _corners(line.positions, result)
+    return {"kind": "table", "positions": line.positions[keep].tolist(), "values": result[keep].tolist()}
 
 
 def _corners(x: Floats, y: Floats) -> NDArray[np.int64]:
@@ -112,7 +112,7 @@ def _numbers(shape: Block, count: int) -> list[float]:
     return shape.numbers
 
 
-def _blocks(given: Input, shape: Block) -> Field:
+def _blocks(value: Input, shape: Block) -> Field:
     """Rectangles of constant values."""
     columns, rows = int(shape.number("xn")), int(shape.number("zn"))
     numbers = np.array(_numbers(shape, columns - 1 + rows - 1 + columns * rows))
@@ -127,14 +127,14 @@ def _zone(borders: Floats, coordinate: Floats) -> NDArray[np.int64]:
     return np.searchsorted(borders, coordinate + slack, side="right")
 
 
-def _rings(given: Input, shape: Block) -> Field:
+def _rings(value: Input, shape: Block) -> Field:
     """Rings of constant values around a point."""
     count, (x_0, z_0) = int(shape.number("num")), shape.pair("ref", (0.0, 0.0))
     radii, values = np.split(np.array(_numbers(shape, 2 * count - 1)), [count - 1])
     return lambda x, z: values[np.searchsorted(radii * (1 + 1e-9), np.hypot(x - x_0, z - z_0))]
 
 
-def _gaussian(given: Input, shape: Block) -> Field:
+def _gaussian(value: Input, shape: Block) -> Field:
     (x_0, z_0), (a, b) = shape.pair("centered_at", (0.0, 0.0)), shape.pair("length", (1.0, 1.0))
     power, offset, amplitude = 2 * shape.number("order", 1), shape.number("offset", 0.0), shape.number("ampli", 1.0)
     return lambda x, z: (
@@ -142,9 +142,9 @@ def _gaussian(given: Input, shape: Block) -> Field:
     )
 
 
-def _gradient(given: Input, shape: Block) -> Field:
+def _gradient(value: Input, shape: Block) -> Field:
     """Values that grow with the distance below a line, measured in the direction of the gradient."""
-    line, angle = given.table(shape, 2), np.deg2rad(shape.number("angle", 0.0))
+    line, angle = value.table(shape, 2), np.deg2rad(shape.number("angle", 0.0))
     c, s = np.cos(angle), np.sin(angle)
     across, along = line @ [c, s], line @ [-s, c]
     order = np.argsort(across)
@@ -156,7 +156,7 @@ def _along(shape: Block) -> Callable[[Floats, Floats], Floats]:
     return (lambda x, z: z) if shape.number("dim", 1) == 2 else (lambda x, z: x)
 
 
-def _linear(given: Input, shape: Block) -> Field:
+def _linear(value: Input, shape: Block) -> Field:
     """Return straight lines between points, continued beyond their ends."""
     if shape.number("length", 0.0) > 0:
         raise ConversionError(
@@ -164,7 +164,7 @@ def _linear(given: Input, shape: Block) -> Field:
             "and give points of the averaged line"
         )
     if shape.word("file"):
-        x_0, y_0 = given.table(shape, 2).T
+        x_0, y_0 = value.table(shape, 2).T
     else:
         x_0, y_0 = np.array(_numbers(shape, 2 * int(shape.number("n")))).reshape(-1, 2).T
     if len(x_0) < 2:
@@ -179,18 +179,18 @@ def _linear(given: Input, shape: Block) -> Field:
     return at
 
 
-def _spline(given: Input, shape: Block) -> Field:
+def _spline(value: Input, shape: Block) -> Field:
     """Return the cubic spline with zero slope at both ends."""
     from scipy.interpolate import CubicSpline
 
-    x_0, y_0 = given.table(shape, 2).T
+    x_0, y_0 = value.table(shape, 2).T
     axis, curve = _along(shape), CubicSpline(x_0, y_0, bc_type="clamped")
     return lambda x, z: curve(axis(x, z))
 
 
-def _grid(given: Input, shape: Block) -> Field:
+def _grid(value: Input, shape: Block) -> Field:
     """Return bilinear interpolation on a grid; the file starts with columns, numbers, origin and spacing."""
-    words = given.path(shape).read_text().split()
+    words = value.path(shape).read_text().split()
     try:
         columns, nx, nz = (int(word) for word in words[:3])
         numbers = [float(word.lower().replace("d", "e")) for word in words[3:]]

@@ -15,17 +15,17 @@ PRESSED = 1e10  # Pa
 STRESSES = ("sxx", "sxy", "sxz", "syz", "szz")
 
 
-def read(given: Input, fault: Fault, line: FaultLine, antiplane: bool) -> Table:
+def read(value: Input, fault: Fault, line: FaultLine, antiplane: bool) -> Table:
     """Return the table of the fault of a case.
 
     Raises
     ------
     ConversionError
     """
-    return _linear_slip(given, fault) if fault.kind == "LISFLT" else _Friction(given, fault, line, antiplane).table()
+    return _linear_slip(value, fault) if fault.kind == "LISFLT" else _Friction(value, fault, line, antiplane).table()
 
 
-def _linear_slip(given: Input, fault: Fault) -> Table:
+def _linear_slip(value: Input, fault: Fault) -> Table:
     """Return springs between the two sides: a compliant interface that neither opens nor slips otherwise."""
     block = next((block for block in fault.blocks if block.name == "BC_LSF"), Block("BC_LSF", {}))
     stiffness = {}
@@ -37,7 +37,7 @@ def _linear_slip(given: Input, fault: Fault) -> Table:
                 f"&BC_LSF k{direction}, c{direction}: a fault that is welded or free in one direction has no "
                 "counterpart; give a stiffness"
             )
-    given.note(f"the linear-slip fault is compliant and pressed with {PRESSED:g} Pa, so that it never opens or slips")
+    value.note(f"the linear-slip fault is compliant and pressed with {PRESSED:g} Pa, so that it never opens or slips")
     return {
         "contact": {"kind": "compliant", **stiffness}, "initial_stress": {"normal": PRESSED, "shear": 0.0},
         "friction": {"kind": "coulomb", "mu_d": 1.0},
@@ -96,10 +96,10 @@ class _Friction:
         if stress["cohesion"] != 0.0:
             friction = {"kind": "cohesion", "c": stress["cohesion"], "law": friction}
         friction = self._normal_memory(friction)
-        found: Table = {
+        entries: Table = {
             "contact": {"kind": "split_node"}, "initial_stress": self._initial(stress), "friction": friction,
         }  # fmt: skip
-        return found | ({"nucleation": [nucleation]} if nucleation else {})
+        return entries | ({"nucleation": [nucleation]} if nucleation else {})
 
     def _initial(self, stress: Table) -> Table:
         """Return initial tractions: those given, and those of the stress tensor on a straight fault."""
@@ -137,41 +137,41 @@ class _Friction:
 
     def _slip_weakening(self) -> Table:
         block = self.of("BC_DYNFLT_SWF")[0]
-        found = self.values("BC_DYNFLT_SWF", {"D_c": ("dc", 0.5), "mu_s": ("mus", 0.6), "mu_d": ("mud", 0.5)})
+        values = self.values("BC_DYNFLT_SWF", {"D_c": ("dc", 0.5), "mu_s": ("mus", 0.6), "mu_d": ("mud", 0.5)})
         self.given.refuse_keys(block, "strength that heals when slip stops", "healing")
         kinds = {1: "linear_slip_weakening", 2: "exponential_slip_weakening"}
         kind = int(block.number("kind", 1))
         if kind not in kinds:
             self.given.refuse("BC_DYNFLT_SWF.kind", f"kind = {kind}, slip weakening that is not linear or exponential")
-        law = {"kind": kinds.get(kind, kinds[1]), **found}
+        law = {"kind": kinds.get(kind, kinds[1]), **values}
         drag = value(self.given, block, "alpha", 0.0, self.of("BC_DYNFLT_SWF")[1], self.line)
         return law if drag == 0.0 else {"kind": "roughness_drag", "drag": drag, "law": law}
 
     def _rate_and_state(self, slip_rate: float | Table) -> Table:
         """Return a rate-and-state law; its state is given, or carries the initial stress at the initial slip rate."""
         block = self.of("BC_DYNFLT_RSF")[0]
-        found = self.values(
+        values = self.values(
             "BC_DYNFLT_RSF",
             {"D_c": ("dc", 0.5), "f_0": ("mus", 0.6), "a": ("a", 0.01), "b": ("b", 0.02), "V_0": ("vstar", 1.0),
              "theta_initial": ("theta", 0.0), "V_c": ("vc", 1e-6)},
         )  # fmt: skip
-        theta, cut_off, kind = found.pop("theta_initial"), found.pop("V_c"), int(block.number("kind", 1))
+        theta, cut_off, kind = values.pop("theta_initial"), values.pop("V_c"), int(block.number("kind", 1))
         kinds = {2: "rate_and_state_ageing", 3: "rate_and_state_slip", 4: "rate_and_state_saturating"}
         if kind == 1:
             if theta != 0.0:
                 self.given.refuse("BC_DYNFLT_RSF.theta", "an initial state of velocity weakening other than zero")
-            weakening = {"mu_s": found.pop("f_0"), "V_w": found.pop("V_0"), **found}
+            weakening = {"mu_s": values.pop("f_0"), "V_w": values.pop("V_0"), **values}
             return {"kind": "rate_and_state_velocity_weakening", **weakening}
         if kind not in kinds:
             raise ConversionError(f"&BC_DYNFLT_RSF kind = {kind}: must be 1, 2, 3 or 4")
         state = {"V_initial": slip_rate} if theta == 0.0 else {"theta_initial": theta}
         if kind == 4:
-            if isinstance(found["D_c"], dict) or isinstance(cut_off, dict):
+            if isinstance(values["D_c"], dict) or isinstance(cut_off, dict):
                 raise ConversionError(
                     "&BC_DYNFLT_RSF kind = 4: Dc and Vc must be numbers; replace their distributions by one value"
                 )
-            state["theta_c"] = found["D_c"] / cut_off
-        return {"kind": kinds[kind], **found, **state}
+            state["theta_c"] = values["D_c"] / cut_off
+        return {"kind": kinds[kind], **values, **state}
 
     def _front(self) -> tuple[Block, float, float, float]:
         """Return the block of time weakening, its center, the start of its front and the time of weakening."""

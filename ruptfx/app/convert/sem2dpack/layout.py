@@ -108,13 +108,13 @@ class Layout:
 
     def materials(self, media: dict[int, Medium]) -> Table:
         """Return the table ``materials`` of the case."""
-        found = {name: media[int(self.mesh.tags[self.body == n][0])].table for n, name in enumerate(self.bodies)}
-        first = next(iter(found.values()))
-        return {"default": first} if all(table == first for table in found.values()) else found
+        entries = {name: media[int(self.mesh.tags[self.body == n][0])].table for n, name in enumerate(self.bodies)}
+        first = next(iter(entries.values()))
+        return {"default": first} if all(table == first for table in entries.values()) else entries
 
     def facets(self) -> dict[str, Ints]:
         """Return the facets of named edges, shape (facets, 2), by body and side."""
-        found = {}
+        entries = {}
         for side, pairs in self.mesh.sides.items():
             if side in self.fault:
                 continue
@@ -124,8 +124,8 @@ class Layout:
                 cells = self.mesh.cells[self.body == number]
                 own = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2) @ [width, 1]
                 if (chosen := np.isin(keys, own)).any():
-                    found[f"{name}.{SIDES.get(side, f'side_{side}')}"] = pairs[chosen]
-        return found
+                    entries[f"{name}.{SIDES.get(side, f'side_{side}')}"] = pairs[chosen]
+        return entries
 
     def edges(self, tags: list[int]) -> list[str]:
         """Return the names of the edges of tags.
@@ -135,15 +135,15 @@ class Layout:
         ConversionError
             The mesh has no such boundary.
         """
-        there, found = list(self.facets()), []
+        there, result = list(self.facets()), []
         for tag in tags:
             side = SIDES.get(tag, f"side_{tag}")
             own = [name for name in there if name.rpartition(".")[2] == side]
             if not own:
                 known = ", ".join(str(side) for side in sorted(self.mesh.sides))
                 raise ConversionError(f"&BC_DEF tag = {tag}: no edge of this mesh; use one of {known}")
-            found += own
-        return found
+            result += own
+        return result
 
     def across_bodies(self, tag: int) -> list[str]:
         """Return the names of edges across all bodies that are welded, one for each side of a fault through a box.
@@ -160,13 +160,13 @@ class Layout:
         for name in names:
             body = name.rpartition(".")[0]
             groups.setdefault(body.partition("_")[0] if len(self.mesh.rows) else "all", []).append(name)
-        found = []
+        items = []
         for group, members in groups.items():
             span = f"{group}.{SIDES[tag]}"
             if len(members) > 1:
                 self.spans[span] = members
-            found += [span] if len(members) > 1 else members
-        return found
+            items += [span] if len(members) > 1 else members
+        return items
 
     def viscous_part(self, media: dict[int, Medium]) -> Table | None:
         """Return the keys of the case for the viscous elements, a layer along the fault or bodies; None without any."""
@@ -221,8 +221,8 @@ class Layout:
             (x, z), cell = points[nearest], int(cells[nearest])
         else:
             cell = int(within[0])
-        found: Table = {"point": [float(x), float(z) - self.level]}
-        return found | ({"body": self.bodies[self.body[cell]]} if len(self.bodies) > 1 else {})
+        entries: Table = {"point": [float(x), float(z) - self.level]}
+        return entries | ({"body": self.bodies[self.body[cell]]} if len(self.bodies) > 1 else {})
 
     def spacing(self) -> float:
         """Return the smallest distance of nodes [m]."""
@@ -258,7 +258,7 @@ class Layout:
 
 
 def arrange(
-    given: Input, mesh: Mesh, media: dict[int, Medium], fault: tuple[int, ...], order: int, viscous_apart: bool = False
+    value: Input, mesh: Mesh, media: dict[int, Medium], fault: tuple[int, ...], order: int, viscous_apart: bool = False
 ) -> Layout:
     """Name the bodies of a mesh, and choose how the case makes it.
 
@@ -273,8 +273,8 @@ def arrange(
     if missing:
         raise ConversionError(f"&MATERIAL tag = {missing[0]}: is required, because elements of the mesh have this tag")
     sides = _sides(mesh, fault)
-    found = [media[int(tag)] for tag in np.unique(mesh.tags)]
-    tables = [(medium.table, viscous_apart and medium.viscosity is not None) for medium in found]
+    items = [media[int(tag)] for tag in np.unique(mesh.tags)]
+    tables = [(medium.table, viscous_apart and medium.viscosity is not None) for medium in items]
     different = [number for number, table in enumerate(tables) if table not in tables[:number]]
     kind_of = {int(tag): tables.index(table) for tag, table in zip(np.unique(mesh.tags), tables, strict=True)}
     kind = np.array([different.index(kind_of[int(tag)]) for tag in np.unique(mesh.tags)])
@@ -296,7 +296,7 @@ def arrange(
             "elements of one material above the fault; convert the whole model, with a fault inside"
         )
     if plates and layout.level:
-        given.note(f"the fault at z = {layout.level:g} m is y = 0 here")
+        value.note(f"the fault at z = {layout.level:g} m is y = 0 here")
     return layout
 
 

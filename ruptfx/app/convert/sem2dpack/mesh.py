@@ -59,24 +59,24 @@ class Mesh:
         return np.asarray(np.isin(facets, wanted).any(axis=1))
 
 
-def read(given: Input) -> Mesh:
+def read(value: Input) -> Mesh:
     """Return the mesh of an input.
 
     Raises
     ------
     ConversionError
     """
-    method = given.one("MESH_DEF").word("method")
+    method = value.one("MESH_DEF").word("method")
     kinds = {"CARTESIAN": _box, "LAYERED": _layers, "MESH2D": _file}
     if method not in kinds:
         name = REFUSED.get(method, "a mesh without counterpart")
         raise ConversionError(f"MESH_DEF.{method}: {name}; write it as a Gmsh file and use gmsh_file")
-    return kinds[method](given)
+    return kinds[method](value)
 
 
-def _box(given: Input) -> Mesh:
-    box = given.one("MESH_CART")
-    given.refuse_keys(box, "a split of the box", "split")
+def _box(value: Input) -> Mesh:
+    box = value.one("MESH_CART")
+    value.refuse_keys(box, "a split of the box", "split")
     (left, right), (low, high), nelem = box.pair("xlim"), box.pair("zlim"), box.pair("nelem")
     nx, nz = int(nelem[0]), int(nelem[1])
     if min(nx, nz) < 1 or right <= left or high <= low:
@@ -87,7 +87,7 @@ def _box(given: Input) -> Mesh:
     cut = -1 if box.get("faultx", False) else int(box.number("ezflt", 0))
     cut = nz // 2 if cut < 0 else cut
     tags = np.ones((nz, nx), dtype=np.int64)
-    domains = given.all("MESH_CART_DOMAIN")
+    domains = value.all("MESH_CART_DOMAIN")
     if domains:
         tags[:] = 0
     for domain in domains:
@@ -108,19 +108,19 @@ def _box(given: Input) -> Mesh:
     return mesh
 
 
-def _layers(given: Input) -> Mesh:
-    block = given.one("MESH_LAYERED")
+def _layers(value: Input) -> Mesh:
+    block = value.one("MESH_LAYERED")
     (left, right), nx, low = block.pair("xlim"), int(block.number("nx")), block.number("zmin")
     x = np.linspace(left, right, nx + 1)
     tops: list[Floats] = []
     rows: list[int] = []
     tags: list[int] = []
     if block.word("file"):
-        for top, count, tag in given.table(block, 3):
+        for top, count, tag in value.table(block, 3):
             tops, rows, tags = [*tops, np.full(nx + 1, top)], [*rows, int(count)], [*tags, int(tag)]
     else:
-        for number, layer in enumerate(given.all("MESH_LAYER"), start=1):
-            tops, rows = [*tops, _top(given, layer, x)], [*rows, int(layer.number("nz"))]
+        for number, layer in enumerate(value.all("MESH_LAYER"), start=1):
+            tops, rows = [*tops, _top(value, layer, x)], [*rows, int(layer.number("nz"))]
             tags = [*tags, int(layer.number("tag", number))]
     if not tops or len(tops) != int(block.number("nlayer", len(tops))):
         raise ConversionError(
@@ -134,18 +134,18 @@ def _layers(given: Input) -> Mesh:
     return _structured(x, np.array(z), np.repeat(np.array(names)[:, None], nx, axis=1), 0)
 
 
-def _top(given: Input, layer: Block, x: Floats) -> Floats:
+def _top(value: Input, layer: Block, x: Floats) -> Floats:
     kind = layer.word("ztoph")
     if not kind:
         return np.full(len(x), layer.number("ztop"))
-    shape = next(iter(given.following(layer, ("DIST_",), ("MESH_LAYER",))), None)
+    shape = next(iter(value.following(layer, ("DIST_",), ("MESH_LAYER",))), None)
     if shape is None or shape.name != f"DIST_{kind}":
         raise ConversionError(
             f"&MESH_LAYER ztopH = '{kind}': &DIST_{kind} must follow; write its block after the layer"
         )
     if kind != "LINEAR":
-        given.note("curved layers are straight from vertex to vertex")
-    return distributions.field(given, shape)(x, np.zeros_like(x))
+        value.note("curved layers are straight from vertex to vertex")
+    return distributions.field(value, shape)(x, np.zeros_like(x))
 
 
 def _structured(x: Floats, z: Floats, tags: Ints, cut: int) -> Mesh:
@@ -164,10 +164,10 @@ def _structured(x: Floats, z: Floats, tags: Ints, cut: int) -> Mesh:
     )  # fmt: skip
 
 
-def _file(given: Input) -> Mesh:
+def _file(value: Input) -> Mesh:
     """Read a .mesh2d file: headers in words, then numbers of elements, nodes per element, nodes and boundaries."""
-    block = given.one("MESH_MESH2D")
-    path = given.path(block)
+    block = value.one("MESH_MESH2D")
+    path = value.path(block)
     lines = path.read_text().splitlines()
     try:
         (cells, corners, nodes, boundaries), rest = _numbers(lines[1:], 1)[0][0].astype(int), lines[2:]
@@ -188,7 +188,7 @@ def _file(given: Input) -> Mesh:
             "NBC and has nodes, elements and sides"
         ) from None
     if corners != 4:
-        given.note("curved elements are straight from vertex to vertex")
+        value.note("curved elements are straight from vertex to vertex")
     mesh = Mesh(points[:, 1:3], quads, elements[:, -1].astype(np.int64), sides)
     a, b, c, _ = np.moveaxis(mesh.points[mesh.cells], 1, 0)
     clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]

@@ -12,7 +12,7 @@ READS = {"REC_LINE"}
 FIELDS = {"D": "displacement", "V": "velocity"}
 
 
-def read(given: Input, layout: Layout, time_step: float, shortest: float) -> list[Table]:
+def read(value: Input, layout: Layout, time_step: float, shortest: float) -> list[Table]:
     """Return an instrument for each receiver.
 
     Parameters
@@ -26,11 +26,11 @@ def read(given: Input, layout: Layout, time_step: float, shortest: float) -> lis
     ------
     ConversionError
     """
-    block = given.one("REC_LINE", required=False)
+    block = value.one("REC_LINE", required=False)
     if not block.values:
         return []
     if block.word("file") not in ("", "NONE"):
-        points = given.table(block, 2)
+        points = value.table(block, 2)
     else:
         count = int(block.number("number"))
         points = np.linspace(block.pair("first"), block.pair("last"), count) if count else np.zeros((0, 2))
@@ -38,10 +38,10 @@ def read(given: Input, layout: Layout, time_step: float, shortest: float) -> lis
     if field not in (*FIELDS, "A"):
         raise ConversionError(f"&REC_LINE field = '{field}': must be D, V or A")
     if field == "A":
-        given.note("receivers record the velocity, not the acceleration")
+        value.note("receivers record the velocity, not the acceleration")
     interval = block.number("isamp", 1) * time_step
     if interval < shortest:
-        given.note("receivers sample less often, as the time step of the case is longer")
+        value.note("receivers sample less often, as the time step of the case is longer")
     interval = float(f"{max(interval, shortest):.4g}")
     at_node = bool(block.get("atnode", True))
     return [

@@ -16,7 +16,7 @@ SAMPLES = 2000
 
 
 def read(
-    given: Input, layout: Layout, plane: str, duration: float, boundaries: list[Table], open_edges: list[str]
+    value: Input, layout: Layout, plane: str, duration: float, boundaries: list[Table], open_edges: list[str]
 ) -> list[Table]:
     """Return the boundaries of a case with its sources.
 
@@ -31,10 +31,10 @@ def read(
     ------
     ConversionError
     """
-    found = list(boundaries)
-    for block in given.all("SRC_DEF"):
-        own = given.following(block, ("SRC_", "STF_"), ("SRC_DEF",))
-        amplitude, history = _course(given, block.word("stf"), own, duration)
+    items = list(boundaries)
+    for block in value.all("SRC_DEF"):
+        own = value.following(block, ("SRC_", "STF_"), ("SRC_DEF",))
+        amplitude, history = _course(value, block.word("stf"), own, duration)
         mechanism = block.word("mechanism")
         if mechanism == "WAVE":
             wave = _wave(_block(own, "SRC_WAVE"), plane, amplitude, history)
@@ -43,16 +43,16 @@ def read(
                     "&SRC_DEF mechanism = 'WAVE': no absorbing edge lets the wave in; give the edge that it comes "
                     "from kind = 'ABSORB'"
                 )
-            found = [wave | {"edge": each["edge"]} if each.get("edge") in open_edges and each["kind"] == "absorbing"
-                     else each for each in found]  # fmt: skip
+            items = [wave | {"edge": each["edge"]} if each.get("edge") in open_edges and each["kind"] == "absorbing"
+                     else each for each in items]  # fmt: skip
             continue
         if block.word("file"):
-            points = [(float(x), float(z)) for x, z in given.table(block, 2)]
+            points = [(float(x), float(z)) for x, z in value.table(block, 2)]
         else:
             points = [block.pair("coord")]
         action = _action(mechanism, own, plane, amplitude)
-        found += [action | layout.place(point, at_node=True) | {"history": history} for point in points]
-    return found
+        items += [action | layout.place(point, at_node=True) | {"history": history} for point in points]
+    return items
 
 
 def _block(own: list[Block], name: str) -> Block:
@@ -101,20 +101,20 @@ def _action(mechanism: str, own: list[Block], plane: str, amplitude: float) -> T
     return {"kind": "moment", "moment": [amplitude * each for each in entries]}
 
 
-def _course(given: Input, kind: str, own: list[Block], duration: float) -> tuple[float, Table]:
+def _course(value: Input, kind: str, own: list[Block], duration: float) -> tuple[float, Table]:
     """Return the amplitude and the history of a time function."""
     block = _block(own, f"STF_{kind}")
     if kind == "RICKER":
         if not block.values:
             block = _block(own, "SRC_RICKER")
-            given.note("&SRC_RICKER is read as &STF_RICKER")
+            value.note("&SRC_RICKER is read as &STF_RICKER")
         # Its central peak is minus the amplitude.
         ricker: Table = {"kind": "ricker", "frequency": block.number("f0"), "delay": block.number("onset", 0.0)}
         return -block.number("ampli", 1.0), ricker
     if kind == "TAB":
         from scipy.interpolate import CubicSpline
 
-        times, values = given.table(block, 2).T
+        times, values = value.table(block, 2).T
         fine = np.union1d(times, np.linspace(times[0], times[-1], SAMPLES))
         return 1.0, _sampled(fine, CubicSpline(times, values)(fine))
     t = np.linspace(0.0, duration, SAMPLES)

@@ -28,20 +28,20 @@ def duration(time: Block) -> float:
     return time.number("nbsteps") * time.number("dt")
 
 
-def stepper(given: Input, time: Block) -> Table:
+def stepper(value: Input, time: Block) -> Table:
     """Return the table ``stepper`` of a case, empty where its defaults serve."""
     kind = str(time.get("kind", "leapfrog")).strip().lower()
     if kind not in EXPLICIT:
         near = [name for name in EXPLICIT if name.startswith(kind[:4])]
         if not near:
-            given.refuse("TIME.kind", f"kind = '{kind}'; {', '.join(EXPLICIT)} are read")
+            value.refuse("TIME.kind", f"kind = '{kind}'; {', '.join(EXPLICIT)} are read")
         else:
-            given.note(f"kind = '{kind}' is read as {near[0]}")
+            value.note(f"kind = '{kind}' is read as {near[0]}")
     elif kind != "leapfrog":
-        given.note(f"{kind} is leapfrog here")
+        value.note(f"{kind} is leapfrog here")
     if "dt" in time.values:
         return {"time_step": time.number("dt")}
-    given.note("courant: left out; the time step is 0.9 of the stable one, which is computed")
+    value.note("courant: left out; the time step is 0.9 of the stable one, which is computed")
     return {}
 
 

@@ -57,12 +57,12 @@ def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
     rate = max(_expected_slip_rate(model, fault, sides), model.case.impact_speed) or 1.0
     lengths = fault.friction.lengths(fault.normal_stress_0, rate)
     start, weakest = _judged_points(model, fault, rest, lengths)
-    found = {row.quantity: row for row in _rows_at(model, fault, sides, rest, lengths, rate, start, spacing)}
-    yield from found.values()
+    entries = {row.quantity: row for row in _rows_at(model, fault, sides, rest, lengths, rate, start, spacing)}
+    yield from entries.values()
     if weakest == start:
         return
     for row in _rows_at(model, fault, sides, rest, lengths, rate, weakest, spacing):
-        same = found.get(row.quantity)
+        same = entries.get(row.quantity)
         if same is None or row.value != same.value:
             yield replace(row, quantity=row.quantity.replace(label, f"{label}, weakest place", 1))
 
@@ -171,8 +171,8 @@ def _bond_rows(
     law = fault.cohesion
     assert law is not None
     energies = {"I": (law.f_t, law.G_Ic), "II": (law.c, law.G_IIc)}
-    for mode, given in energies.items():
-        strength, energy = (float(np.broadcast_to(value, fault.normal_stress_0.shape)[point]) for value in given)
+    for mode, values in energies.items():
+        strength, energy = (float(np.broadcast_to(value, fault.normal_stress_0.shape)[point]) for value in values)
         if strength == 0:
             yield Row(f"{label}: cohesion, mode {mode}", "none", "", "no strength there")
             continue
@@ -199,10 +199,10 @@ def _chain(law: FrictionLaw) -> list[FrictionLaw]:
 
 def rows_without_effect(model: System, fault: Fault) -> Iterator[Row]:
     """Yield nucleations without effect, such as a patch off the interface, and profiles that do not vary on it."""
-    given = model.placed[fault.name]
+    value = model.placed[fault.name]
     position, places, label = fault.interface.position, fault.interface.locations, f"faults.{fault.name}"
     along = f"positions {position.min():.6g} to {position.max():.6g} m"
-    law = next(part for _, part in given if isinstance(part, FrictionLaw)).at(places)  # not yet weakened
+    law = next(part for _, part in value if isinstance(part, FrictionLaw)).at(places)  # not yet weakened
     for number, nucleation in enumerate(fault.nucleation):
         original, law = law, nucleation.weaken(law, places)
         if not _acts(nucleation, original, law, fault, model.case.duration):
@@ -210,7 +210,7 @@ def rows_without_effect(model: System, fault: Fault) -> Iterator[Row]:
                 f"{label}.nucleation.{number}", "no effect", "", f"{nucleation.kind()} with {_shown(nucleation)}: it "
                 f"changes nothing within {model.case.duration:.6g} s at {along}; move it onto the interface", "error",
             )  # fmt: skip
-    for key, profile in _profiles(given, label):
+    for key, profile in _profiles(value, label):
         values = evaluate(profile, places)
         if np.ptp(values) == 0:
             yield Row(key, values[0], "", f"at all {along}: {_shown(profile)} varies nowhere there", "warning")
@@ -245,9 +245,9 @@ def _profiles(part: Part, key: str) -> Iterator[tuple[str, Any]]:
 
 def _shown(part: Part) -> str:
     """Return the numbers of a part as text, as they are given."""
-    given = [(name, value) for name, value in part if name in part.model_fields_set]
-    numbers = [f"{name} = {value:.6g}" for name, value in given if isinstance(value, float | int)]
-    return ", ".join(numbers + [f"{name} = {{ {_shown(value)} }}" for name, value in given if isinstance(value, Part)])
+    items = [(name, value) for name, value in part if name in part.model_fields_set]
+    numbers = [f"{name} = {value:.6g}" for name, value in items if isinstance(value, float | int)]
+    return ", ".join(numbers + [f"{name} = {{ {_shown(value)} }}" for name, value in items if isinstance(value, Part)])
 
 
 def shortest_time(model: System, fault: Fault, dt: float) -> Iterator[Row]:
@@ -295,13 +295,13 @@ def _relaxation_times(fault: Fault, dt: float) -> dict[str, float]:
     """Return the relaxation time [s] of each state variable of the law at rest, if it relaxes."""
     law, normal, rest = fault.friction, fault.normal_stress_0, np.zeros(len(fault.normal_stress_0))
     state = {name: value for name, value in fault.initial_state().items() if name in law.all_state_fields()}
-    later, found = law.advance(state, rest, normal, dt), {}
+    later, relaxation_times = law.advance(state, rest, normal, dt), {}
     for name, value in state.items():
         step = 1e-6 * np.maximum(np.abs(value), 1e-3)
         left = np.min((law.advance({**state, name: value + step}, rest, normal, dt)[name] - later[name]) / step)
         if left < 1 - 1e-4:
-            found[name] = float(-dt / np.log(max(left, 1e-12)))
-    return found
+            relaxation_times[name] = float(-dt / np.log(max(left, 1e-12)))
+    return relaxation_times
 
 
 def _position_rows(model: System, fault: Fault) -> Iterator[Row]:

@@ -23,23 +23,23 @@ LEAST = 1e-3  # of its middle value: smallest values of a smooth disc
 FLAT = 1e-3  # height over length of a surface whose own plane is that of its positions
 
 
-def surface_patch_rows(face: Interface, given: Part, label: str) -> Iterator[Row]:
+def surface_patch_rows(face: Interface, value: Part, label: str) -> Iterator[Row]:
     """Yield a row for every rectangle, ellipse, disc and strip of a fault, a warning if the mesh does not resolve it.
 
     Parameters
     ----------
     face : Interface
         A surface.
-    given : Part
+    value : Part
         Tables of the fault, in which points have been replaced by positions.
     label : str
         Dotted key of these tables.
     """
-    for key, part in parts(given, label):
+    for key, part in parts(value, label):
         if isinstance(part, Patch):
             ends = np.array([part.strike, part.dip])
             yield _row(f"{label}: {key.removeprefix(f'{label}.')}, {part.kind()}", face, part.share, ends, part.rim)
-    for disc in patches(given, label):
+    for disc in patches(value, label):
         if disc.has_reach and disc.center is None:
             yield _strip_row(f"{label}: {disc.key.removeprefix(f'{label}.')}, strip", face, disc)
         if disc.center is None or not disc.has_reach:

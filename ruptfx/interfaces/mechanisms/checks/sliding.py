@@ -105,37 +105,37 @@ def _driven_slip(model: System, face: SlidingInterface, along: np.ndarray, time:
     return slip
 
 
-def rough_rows(label: str, found: Roughness | None) -> Iterator[Row]:
+def rough_rows(label: str, roughness: Roughness | None) -> Iterator[Row]:
     """Yield predictions of theory for the contact of rough surfaces, and whether nodes resolve them."""
-    if found is None:
+    if roughness is None:
         return
-    if found.shortest is not None:
-        note = f"shortest wavelength {found.shortest:.4g} m"
-        yield _nodes_row(f"{label}: nodes along the shortest wave", found.shortest / max(found.spacing), note)
-    yield Row(f"{label}: E*", found.modulus, "Pa", "of the two bodies in contact")
-    yield Row(f"{label}: root mean square slope", found.slope, "", "of the distance of the surfaces")
-    if found.wave is not None:
-        yield from _wave_rows(label, found, *found.wave)
-    if found.pressure is None or found.pressure <= 0:
-        why = "the motion of edges presses" if found.pressure is None else "nothing presses"
+    if roughness.shortest is not None:
+        note = f"shortest wavelength {roughness.shortest:.4g} m"
+        yield _nodes_row(f"{label}: nodes along the shortest wave", roughness.shortest / max(roughness.spacing), note)
+    yield Row(f"{label}: E*", roughness.modulus, "Pa", "of the two bodies in contact")
+    yield Row(f"{label}: root mean square slope", roughness.slope, "", "of the distance of the surfaces")
+    if roughness.wave is not None:
+        yield from _wave_rows(label, roughness, *roughness.wave)
+    if roughness.pressure is None or roughness.pressure <= 0:
+        why = "the motion of edges presses" if roughness.pressure is None else "nothing presses"
         yield Row(f"{label}: contact fraction", "not known", "", why)
-    elif found.wave is None:
-        touch = rough_contact.rough(found.pressure, found.modulus, found.slope)
-        yield Row(f"{label}: contact fraction", touch.fraction, "", f"under {found.pressure:.4g} Pa (Persson 2001)")
+    elif roughness.wave is None:
+        touch = rough_contact.rough(roughness.pressure, roughness.modulus, roughness.slope)
+        yield Row(f"{label}: contact fraction", touch.fraction, "", f"under {roughness.pressure:.4g} Pa (Persson 2001)")
         yield Row(f"{label}: mean pressure of contacts", touch.pressure, "Pa")
 
 
-def _wave_rows(label: str, found: Roughness, amplitude: float, wavelength: float) -> Iterator[Row]:
-    full = rough_contact.full_contact_pressure(found.modulus, amplitude, wavelength)
+def _wave_rows(label: str, roughness: Roughness, amplitude: float, wavelength: float) -> Iterator[Row]:
+    full = rough_contact.full_contact_pressure(roughness.modulus, amplitude, wavelength)
     note = f"full contact; the distance of the surfaces has an amplitude of {amplitude:.4g} m over {wavelength:.4g} m"
     yield Row(f"{label}: p*", full, "Pa", note)
-    if found.pressure is None or found.pressure <= 0:
+    if roughness.pressure is None or roughness.pressure <= 0:
         return
-    touch = rough_contact.waves(found.pressure, full)
-    yield Row(f"{label}: contact fraction", touch.fraction, "", f"under {found.pressure:.4g} Pa (Westergaard 1939)")
+    touch = rough_contact.waves(roughness.pressure, full)
+    yield Row(f"{label}: contact fraction", touch.fraction, "", f"under {roughness.pressure:.4g} Pa (Westergaard 1939)")
     yield Row(f"{label}: peak pressure", touch.pressure, "Pa")
     width = touch.fraction * wavelength
-    yield _nodes_row(f"{label}: nodes across one contact", width / found.spacing[0], f"width {width:.4g} m")
+    yield _nodes_row(f"{label}: nodes across one contact", width / roughness.spacing[0], f"width {width:.4g} m")
 
 
 def _nodes_row(quantity: str, nodes: float, note: str) -> Row:

@@ -130,11 +130,11 @@ def kinds() -> tuple[type[Records], ...]:
     """Return the classes in the files of this folder, in the order of their names."""
     modules = [import_module(f"{__name__}.{each.name}") for each in pkgutil.iter_modules(__path__)]
     classes = [each for module in modules for each in vars(module).values() if isinstance(each, type)]
-    found = {each for each in classes if issubclass(each, Records) and each is not Records}
-    return tuple(sorted(found, key=lambda each: each.__name__))
+    names = {each for each in classes if issubclass(each, Records) and each is not Records}
+    return tuple(sorted(names, key=lambda each: each.__name__))
 
 
 def records_of(model: Model) -> list[Records]:
     """Return the files of the mechanisms of a model."""
-    found = [(kind, [each for each in model.mechanisms if isinstance(each, kind.of)]) for kind in kinds()]
-    return [kind(model, mechanisms) for kind, mechanisms in found if mechanisms]
+    items = [(kind, [each for each in model.mechanisms if isinstance(each, kind.of)]) for kind in kinds()]
+    return [kind(model, mechanisms) for kind, mechanisms in items if mechanisms]
