@@ -33,7 +33,7 @@ class Medium:
     viscosity: Block | None
 
 
-def read(given: Input) -> dict[int, Medium]:
+def read(value: Input) -> dict[int, Medium]:
     """Return the medium of every tag, and report those without counterpart.
 
     Raises
@@ -41,7 +41,7 @@ def read(given: Input) -> dict[int, Medium]:
     ConversionError
         There is no material, or a value is missing.
     """
-    blocks = given.all("MATERIAL")
+    blocks = value.all("MATERIAL")
     if not blocks:
         raise ConversionError("&MATERIAL: is required and missing; give one for every tag of the mesh")
     media = {}
@@ -50,31 +50,31 @@ def read(given: Input) -> dict[int, Medium]:
         for kind in kinds:
             if kind not in (*BODIES, "KV"):
                 what = REFUSED.get(kind, "a material without counterpart")
-                given.refuse(f"MATERIAL.{kind}", f"{what}; write kind='ELAST' and &MAT_ELASTIC in its place")
-        left_out = {kind for kind in kinds if kind == "KV" or f"material.{kind}".lower() in given.without}
+                value.refuse(f"MATERIAL.{kind}", f"{what}; write kind='ELAST' and &MAT_ELASTIC in its place")
+        left_out = {kind for kind in kinds if kind == "KV" or f"material.{kind}".lower() in value.without}
         if left_out == set(kinds):
             raise ConversionError(f"&MATERIAL tag = {tag}: is required; write kind='ELAST' and &MAT_ELASTIC in place "
                                   f"of {', '.join(kinds)}")
         for kind in (each for each in kinds if each in BODIES):
-            viscosity = _properties(given, block, "MAT_KV") if "KV" in kinds else None
+            viscosity = _properties(value, block, "MAT_KV") if "KV" in kinds else None
             name, convert = BODIES[kind]
-            media[tag] = Medium(convert(given, _properties(given, block, name)), viscosity)
+            media[tag] = Medium(convert(value, _properties(value, block, name)), viscosity)
     return media
 
 
-def _properties(given: Input, material: Block, name: str) -> Block:
+def _properties(value: Input, material: Block, name: str) -> Block:
     """Return the first block of a name after a material; materials that follow each other share it."""
-    place = next(number for number, block in enumerate(given.blocks) if block is material)
-    after = [block for block in given.blocks[place:] if block.name == name]
-    found = after or given.all(name)
-    if not found:
+    place = next(number for number, block in enumerate(value.blocks) if block is material)
+    after = [block for block in value.blocks[place:] if block.name == name]
+    result = after or value.all(name)
+    if not result:
         raise ConversionError(f"&{name}: is required after &MATERIAL tag = {material.number('tag'):g}")
-    return found[0]
+    return result[0]
 
 
-def _elastic(given: Input, block: Block) -> Table:
+def _elastic(value: Input, block: Block) -> Table:
     keys = ("rhoh", "cph", "csh", "c11h", "c13h", "c33h", "c55h", "c66h")
-    given.refuse_keys(block, "properties that vary inside of a body; bodies are homogeneous", *keys)
+    value.refuse_keys(block, "properties that vary inside of a body; bodies are homogeneous", *keys)
     if any(block.get(key, "") for key in keys):
         return {}
     density = block.number("rho")
@@ -91,7 +91,7 @@ def _elastic(given: Input, block: Block) -> Table:
     }  # fmt: skip
 
 
-def _viscoelastic(given: Input, block: Block) -> Table:
+def _viscoelastic(value: Input, block: Block) -> Table:
     """Return relaxing moduli; wave speeds of the input are those at the frequency f0, zero without it."""
     lowest, highest, f0 = block.number("fmin"), block.number("fmax"), block.number("f0", 0.0)
     speeds = {"c_p": block.number("cp"), "c_s": block.number("cs")}
@@ -113,7 +113,7 @@ def _viscoelastic(given: Input, block: Block) -> Table:
     return {**table, **speeds}
 
 
-def _plastic(given: Input, block: Block) -> Table:
+def _plastic(value: Input, block: Block) -> Table:
     """Return Coulomb plasticity; the initial stress follows from the initial strain by elasticity."""
     density, c_p, c_s = (block.number(key) for key in ("rho", "cp", "cs"))
     shear, first = density * c_s**2, density * (c_p**2 - 2 * c_s**2)
