@@ -32,7 +32,7 @@ class HardeningSprings(EdgeAttachment):
         '{ kind = "hardening_springs", name = "pads", edge = "lower.bottom", stiffness = 1e12, hardening = 1e20 }'
     )
     implicit: ClassVar[bool] = True
-    closure: ClassVar[float] = 1e-9
+    closure: ClassVar[float] = 1e-10
     why_open: ClassVar[str] = "leapfrog conserves a quadratic energy only"
     stiffness: Stiffness
     """Traction per displacement."""
@@ -78,6 +78,6 @@ class Pads(Attached):
         self.of(state)["force"][:] = reaction.fields["force"]
 
     def add_energies(self, state: State, energies: dict[str, float]) -> None:
-        force, u = self.of(state)["force"], self.at_nodes(state.displacement)
-        stored = -0.5 * force * u - 0.25 * self.cubic * u**4
+        before, u = self.at_nodes(state.at_faults()[1]), self.at_nodes(state.displacement)  # u_n and u_(n+1)
+        stored = 0.5 * self.linear * before * u + 0.25 * self.cubic * (before * u) ** 2
         energies["pads"] += float(stored[self.owned].sum())
