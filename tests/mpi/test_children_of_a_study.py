@@ -14,8 +14,9 @@ import pytest
 pytest.importorskip("dolfinx")
 pytestmark = [pytest.mark.fem, pytest.mark.faults]
 STARTS = (
-    "from ruptfx.many_runs.study.workers import Child; import time; "
-    "Child(2); print('started', flush=True); time.sleep(600)"
+    "import time; from ruptfx.many_runs.jobs.children import Child; "
+    "from ruptfx.many_runs.study.point_runs import SERVER; "
+    "Child(2, SERVER); print('started', flush=True); time.sleep(600)"
 )
 
 

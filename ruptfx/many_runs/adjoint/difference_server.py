@@ -9,7 +9,7 @@ from ruptfx import Table
 from ruptfx.case import Case, parse_case
 from ruptfx.many_runs.adjoint.gradients import value_of_change
 from ruptfx.many_runs.adjoint.unknowns import chosen
-from ruptfx.many_runs.study.case_server import Job, serve
+from ruptfx.many_runs.jobs.server import Job, serve
 from ruptfx.platform import fem
 from ruptfx.readings.misfits import Unknown
 from ruptfx.run.model import Model

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from uuid import uuid4
 
 from ruptfx import RuptfxError, Table
-from ruptfx.many_runs.study import workers
-from ruptfx.many_runs.study.cluster import Interrupted, answers, opened, stoppable
+from ruptfx.many_runs.jobs import answers, opened, stoppable
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
@@ -42,7 +41,8 @@ def runs_at_once(
         dask.distributed is missing, or the scheduler does not answer; after Ctrl-C or SIGTERM.
     """
     table = case.model_copy(update={"objective": list(terms)}).table()
-    with stoppable(), opened(None, scheduler, cores, 1) as client:
+    kept = "nothing of the gradient is kept"
+    with stoppable(lambda: kept), opened(None, scheduler, cores, 1) as client:
 
         def make(changes: Sequence[tuple[Place, float]], tell: Callable[[int], None]) -> list[float]:
             jobs: dict[int, Table] = {
@@ -52,11 +52,7 @@ def runs_at_once(
             found = answers(client, jobs, 1, SERVER, f"gradient-{uuid4().hex}", _lost, tell)
             return [found[number]["value"] for number in jobs]
 
-        try:
-            yield make
-        except KeyboardInterrupt:
-            workers.close_children()
-            raise Interrupted("stopped; nothing of the gradient is kept") from None
+        yield make
 
 
 def check_use(check: bool, comm: fem.MPI.Comm) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +14,8 @@ from ruptfx import RuptfxError, Table
 from ruptfx.input.schema import CaseError
 from ruptfx.many_runs.inference.evaluations import Derivatives, Evaluation, file_of, load_one
 from ruptfx.many_runs.inference.searches import AT_ONCE, COLUMNS_AT_ONCE
-from ruptfx.many_runs.study import workers
-from ruptfx.many_runs.study.cluster import Client, Interrupted, answers, stoppable
-from ruptfx.many_runs.study.cluster import opened as opened_cluster
+from ruptfx.many_runs.jobs import Client, answers, stoppable
+from ruptfx.many_runs.jobs import opened as opened_cluster
 from ruptfx.readings.misfits import Inference
 
 if TYPE_CHECKING:
@@ -114,25 +113,17 @@ def opened(out: Path, memory: float, cores: int, ranks: int, scheduler: str | No
     RuptfxError
         dask.distributed is missing, or the scheduler does not answer; after Ctrl-C or SIGTERM.
     """
-    with opened_cluster(out / "case.toml", scheduler, cores, ranks) as client, interruptible(out):
+    with interruptible(out), opened_cluster(out / "case.toml", scheduler, cores, ranks) as client:
         yield Pool(client, out, memory, ranks)
 
 
-@contextmanager
-def interruptible(out: Path) -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM end an inference with the number of runs that are kept.
+def interruptible(out: Path) -> AbstractContextManager[None]:
+    """Let Ctrl-C and SIGTERM end an inference with the number of runs that are kept."""
 
-    Raises
-    ------
-    RuptfxError
-    """
-    with stoppable():
-        try:
-            yield
-        except KeyboardInterrupt:
-            workers.close_children()
-            kept = len(list((out / "evaluations").glob("*.npz")))
-            raise Interrupted(f"stopped; {kept} runs are kept, the same command continues") from None
+    def kept() -> str:
+        return f"{len(list((out / 'evaluations').glob('*.npz')))} runs are kept, the same command continues"
+
+    return stoppable(kept)
 
 
 def check_method(case: Case) -> None:

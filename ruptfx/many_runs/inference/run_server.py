@@ -13,7 +13,7 @@ from ruptfx import Table
 from ruptfx.case import Case, read_case
 from ruptfx.many_runs.inference import evaluations
 from ruptfx.many_runs.inference.evaluator import Evaluator
-from ruptfx.many_runs.study.case_server import Job, serve
+from ruptfx.many_runs.jobs.server import Job, serve
 from ruptfx.platform import fem, parallel
 
 

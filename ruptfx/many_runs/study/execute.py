@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ruptfx import RuptfxError, Table
-from ruptfx.many_runs.study import refine, search, table, workers
-from ruptfx.many_runs.study.cluster import Client, Future, Interrupted, opened, stoppable
+from ruptfx.many_runs.jobs import Client, completed, opened, stoppable
+from ruptfx.many_runs.study import refine, search, table
 from ruptfx.many_runs.study.count import Count
 from ruptfx.many_runs.study.definition import Point, Study
+from ruptfx.many_runs.study.point_runs import run_point
 from ruptfx.many_runs.study.scored import ScoredSet
 from ruptfx.many_runs.study.store import Result, Store, commit, workspace
 from ruptfx.platform import launch
@@ -84,28 +85,27 @@ def run_study(
     if refined and study.search is not None:
         raise RuptfxError("--refine locates boundaries on a grid, and a search has none; leave it out")
     outcome = Outcome()
-    with Store(out, study, overwrite) as store, stoppable():
+    with Store(out, study, overwrite) as store, stoppable(lambda: _kept(study, points, store)):
         Outputs(store.path, overwrite=overwrite).claim(*_tables(study, refined))
         if retry:
             store.forget_failures()
-        with opened(store.path / "study.json", scheduler, cores, study.ranks) as client:
-            try:
-                with Progress(show) as progress:
-                    run = Runner(study, store, client, Count(progress, study.title or str(out)))
-                    if study.search is None:
-                        outcome.points = run(points, outcome)
-                    else:
-                        outcome.sets = search.find_best(study, lambda points: run(points, outcome), run.count)
-                        outcome.points = [known for one in outcome.sets for known in one.runs]
-                    if refined:
-                        _refine(study, run, outcome)
-            except KeyboardInterrupt:
-                workers.close_children()
-                done = sum(store.result(point.hash) is not None for point in points)
-                kept = f"{done} of {len(points)} points" if study.search is None else f"{store.finished} points"
-                raise Interrupted(f"stopped; {kept} are kept, the same command continues") from None
+        with opened(store.path / "study.json", scheduler, cores, study.ranks) as client, Progress(show) as progress:
+            run = Runner(study, store, client, Count(progress, study.title or str(out)))
+            if study.search is None:
+                outcome.points = run(points, outcome)
+            else:
+                outcome.sets = search.find_best(study, lambda points: run(points, outcome), run.count)
+                outcome.points = [known for one in outcome.sets for known in one.runs]
+            if refined:
+                _refine(study, run, outcome)
         outcome.files = _write(study, store, outcome, refined, overwrite)
     return outcome
+
+
+def _kept(study: Study, points: Sequence[Point], store: Store) -> str:
+    done = sum(store.result(point.hash) is not None for point in points)
+    finished = f"{done} of {len(points)} points" if study.search is None else f"{store.finished} points"
+    return f"{finished} are kept, the same command continues"
 
 
 def _refine(study: Study, run: Runner, outcome: Outcome) -> None:
@@ -166,24 +166,19 @@ class Runner:
     count: Count
 
     def __call__(self, points: Sequence[Point], outcome: Outcome) -> list[tuple[Point, Result]]:
-        """Run points and return all results."""
-        from distributed import as_completed
-
+        """Run points and return all results; a lost worker counts as a failure of the point."""
+        study, out = self.study, self.store.path
         results = {point.hash: self.store.result(point.hash) for point in points}
         todo = {point.hash: point for point in points if results[point.hash] is None}
         outcome.known_before += len(results) - len(todo)
         self.count.add(len(results), [r for r in results.values() if r is not None])
-        study = self.study
-        futures = {
-            self.client.submit(
-                workers.run_point, str(self.store.path), key, self._table(point), list(study.keep),
-                study.ranks, study.time_limit, key=f"{self.store.path}-{key}", pure=False, retries=0,
-            ): key for key, point in todo.items()
-        }  # fmt: skip
-        for future in as_completed(list(futures)):
-            key = futures[future]
-            results[key] = result = self._result(future, key)
-            future.release()
+        jobs = {key: (str(out), key, self._table(point), list(study.keep), study.ranks, study.time_limit)
+                for key, point in todo.items()}  # fmt: skip
+        for key, result in completed(self.client, run_point, jobs, str(out)):
+            if isinstance(result, str):
+                lost = {"status": "failed", "error": result}
+                result = self.store.result(key) or commit(out, key, workspace(out, key), lost)
+            results[key] = result
             self.count.finished(result)
         found = {name for result in results.values() if result for name in result.get("values", {})}
         study.require_quantities(points[0].case, found)
@@ -195,14 +190,3 @@ class Runner:
         if "plugins" in table:
             table["plugins"] = [str(self.store.path / path) for path in table["plugins"]]
         return table
-
-    def _result(self, future: Future, key: str) -> Result:
-        """Return the result of a task; a lost worker counts as a failure of the point."""
-        error = future.exception()
-        if error is None:
-            found: Result = future.result()
-            return found
-        if isinstance(error, RuptfxError):
-            raise error
-        result = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
-        return self.store.result(key) or commit(self.store.path, key, workspace(self.store.path, key), result)

@@ -1,17 +1,18 @@
-"""The dask.distributed cluster of studies, inferences and comparisons of gradients, by default on this machine."""
+"""Jobs of studies, gradients and inferences on a dask.distributed cluster, by default one on this machine."""
 
 from __future__ import annotations
 
 import os
 import signal
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from ruptfx import RuptfxError, Table, __version__
-from ruptfx.many_runs.study import workers
-from ruptfx.many_runs.study.store import Result
+from ruptfx.many_runs.jobs import children
+
+Key = TypeVar("Key", int, str)
 
 
 class Interrupted(RuptfxError):  # noqa: N818
@@ -25,7 +26,7 @@ class Future(Protocol):
 
     def exception(self) -> BaseException | None: ...
 
-    def result(self) -> Result: ...
+    def result(self) -> Table: ...
 
     def release(self) -> None: ...
 
@@ -34,7 +35,7 @@ class Client(Protocol):
     """A dask cluster, as far as studies and inferences use it."""
 
     def submit(
-        self, function: Callable[..., Result], /, *args: object, key: str, pure: bool, retries: int
+        self, function: Callable[..., Table], /, *args: object, key: str, pure: bool, retries: int
     ) -> Future: ...
 
     def run(self, function: Callable[..., object], /, *args: object) -> dict[str, tuple[str, bool]]: ...
@@ -66,7 +67,7 @@ def opened(marker: Path | None, address: str | None, cores: int | None, ranks: i
         raise RuptfxError(
             f"runs at once on several cores need dask.distributed ({error}): pip install 'ruptfx[study]'"
         ) from None
-    workers.open_for_work()
+    children.open_for_work()
     with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
         if address is None:
             slots = max(1, (cores or len(os.sched_getaffinity(0))) // ranks)
@@ -75,7 +76,7 @@ def opened(marker: Path | None, address: str | None, cores: int | None, ranks: i
                 try:
                     yield client
                 finally:
-                    workers.close_children()
+                    children.close_children()
             return
         try:
             client = Client(address, timeout="10s")
@@ -89,7 +90,47 @@ def opened(marker: Path | None, address: str | None, cores: int | None, ranks: i
             try:
                 yield client
             finally:
-                client.run(workers.close_children)
+                client.run(children.close_children)
+
+
+def completed(
+    client: Client, function: Callable[..., Table], jobs: Mapping[Key, tuple[object, ...]], name: str
+) -> Iterator[tuple[Key, Table | str]]:
+    """Run a function for several jobs at once, and yield the results as they come.
+
+    Parameters
+    ----------
+    client : Client
+    function : callable
+        Runs on a worker, with the arguments of a job.
+    jobs : mapping of a key to tuple
+        Arguments.
+    name : str
+        Of the jobs, unlike that of other jobs of the cluster.
+
+    Yields
+    ------
+    key, result
+        The reason as text in place of the result of a job that was lost.
+
+    Raises
+    ------
+    RuptfxError
+        That of a job.
+    """
+    from distributed import as_completed
+
+    pending = {
+        client.submit(function, *arguments, key=f"{name}-{key}", pure=False, retries=0): key
+        for key, arguments in jobs.items()
+    }
+    for done in as_completed(list(pending)):
+        error = done.exception()
+        if isinstance(error, RuptfxError):
+            raise error
+        result = f"{type(error).__name__}: {error}" if error is not None else done.result()
+        done.release()
+        yield pending[done], result
 
 
 def answers(
@@ -105,7 +146,7 @@ def answers(
     ranks : int
         MPI ranks of each child.
     server : str
-        Program of the children, which answers as `case_server.serve` does.
+        Program of the children, which answers as `server.serve` does.
     name : str
         Of the jobs, unlike that of other jobs of the cluster.
     lost : callable
@@ -118,25 +159,16 @@ def answers(
     RuptfxError
         A job has failed or was lost.
     """
-    from distributed import as_completed
-
-    pending = {
-        client.submit(workers.on_child, ranks, job, None, server, key=f"{name}-{number}", pure=False, retries=0): number
-        for number, job in jobs.items()
-    }
-    entries: dict[int, Table] = {}
-    for count, done in enumerate(as_completed(list(pending)), 1):
-        if (error := done.exception()) is not None:
-            if isinstance(error, RuptfxError):
-                raise error
-            raise RuptfxError(lost(pending[done], f"{type(error).__name__}: {error}"))
-        answer = done.result()
-        done.release()
+    values: dict[int, Table] = {}
+    calls = {number: (server, ranks, job) for number, job in jobs.items()}
+    for number, answer in completed(client, children.on_child, calls, name):
+        if isinstance(answer, str):
+            raise RuptfxError(lost(number, answer))
         if answer["status"] != "done":
             raise RuptfxError(answer["error"])
-        entries[pending[done]] = answer["values"]
-        tell(count)
-    return entries
+        values[number] = answer["values"]
+        tell(len(values))
+    return values
 
 
 def _check_workers(client: Client, marker: Path | None) -> None:
@@ -157,23 +189,35 @@ def _check_workers(client: Client, marker: Path | None) -> None:
 
 def _version_and_file(marker: str | None) -> tuple[str, bool]:
     """Return the version of a worker, and whether it sees a file."""
-    workers.open_for_work()
+    children.open_for_work()
     return __version__, marker is not None and Path(marker).is_file()
 
 
 @contextmanager
-def stoppable() -> Iterator[None]:
-    """Let SIGTERM stop the work as Ctrl-C does."""
+def stoppable(kept: Callable[[], str]) -> Iterator[None]:
+    """End the children and the work after Ctrl-C or SIGTERM.
+
+    Parameters
+    ----------
+    kept : callable
+        Returns what is kept, for the message.
+
+    Raises
+    ------
+    Interrupted
+    """
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    try:
+    before = None
+    with suppress(ValueError):  # not the main thread
         before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread
-        yield
-        return
     try:
         yield
+    except KeyboardInterrupt:
+        children.close_children()
+        raise Interrupted(f"stopped; {kept()}") from None
     finally:
-        signal.signal(signal.SIGTERM, before)
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)

@@ -1,7 +1,4 @@
-"""Execution of runs in child processes that may crash, one MPI job per slot of a worker.
-
-A study starts `ruptfx.many_runs.study.case_server`, an inference `ruptfx.many_runs.inference.run_server`.
-"""
+"""Child processes that make jobs and may crash, one MPI job per slot of a worker."""
 
 from __future__ import annotations
 
@@ -10,24 +7,18 @@ import logging
 import os
 import re
 import select
-import shutil
 import signal
 import subprocess
 import tempfile
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-
-import tomli_w
 
 from ruptfx import RuptfxError, Table
-from ruptfx.many_runs.study.store import Result, commit, read_result, workspace
 from ruptfx.platform import launch
 
 SHOWN = 8  # lines of output in the message about a crash
 RECYCLE = 100  # runs after which a child is replaced, to limit memory leaks
-CASES = "ruptfx.many_runs.study.case_server"
 _SIGNAL = re.compile(r"\(signal (\d+)\)")
 _starter = ThreadPoolExecutor(1, "ruptfx-starter")
 _idle: dict[tuple[str, int], list[Child]] = {}
@@ -47,15 +38,15 @@ class Child:
     ----------
     ranks : int
     module : str
-        Program of the job, which answers as `case_server.serve` does.
+        Program of the job, which answers as `server.serve` does.
     """
 
-    def __init__(self, ranks: int, module: str = CASES) -> None:
+    def __init__(self, ranks: int, module: str) -> None:
         self.ranks, self.served = ranks, 0
         self._output = b""
         self._strays: list[bytes] = []
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
-        # A session of its own: Ctrl-C is for the study, which then ends its children. They end with the thread that
+        # A session of its own: Ctrl-C is for this process, which then ends its children. They end with the thread that
         # starts them, hence one that lasts as long as this process, and not that of a task.
         self._process = _starter.submit(
             subprocess.Popen,
@@ -64,7 +55,7 @@ class Child:
             preexec_fn=launch.ends_with_parent(),
         ).result()  # fmt: skip
 
-    def run(self, job: Table, time_limit: float | None) -> Result:
+    def run(self, job: Table, time_limit: float | None) -> Table:
         """Send one job and return its result.
 
         Parameters
@@ -135,44 +126,7 @@ class Child:
             self._process.wait()
 
 
-def run_point(path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None) -> Result:
-    """Run one point and mark it as finished; a failure is stored as its result.
-
-    Runs on a worker, which sees the directory of the study under the same path.
-
-    Raises
-    ------
-    RuptfxError
-        If the study is stopping, or its directory is missing.
-    """
-    here = Path(path)
-    if (known := read_result(here, point)) is not None:
-        return known
-    try:
-        directory = workspace(here, point)
-    except OSError as error:
-        message = f"{here}: a worker cannot write there ({error.strerror}): is it on a shared file system?"
-        raise RuptfxError(message) from None
-    began = time.perf_counter()
-    _save_case(table, directory)
-    try:
-        result = on_child(ranks, {"case": table, "directory": str(directory), "keep": keep}, time_limit)
-    except ChildError as error:
-        result = {"status": "failed", "error": str(error)}
-    if _closing.is_set() or result["status"] == "interrupted":
-        shutil.rmtree(directory, ignore_errors=True)
-        raise RuptfxError(result.get("error", "the study is stopping"))
-    return commit(here, point, directory, {**result, "seconds": time.perf_counter() - began})
-
-
-def _save_case(table: Table, directory: Path) -> None:
-    """Write the case of a point, for a separate run; its plug-ins are those of the study."""
-    named = [os.path.relpath(path, directory) for path in table.get("plugins", [])]
-    whole = {**table, "plugins": named} if named else table
-    (directory / "case.toml").write_text(tomli_w.dumps(whole), encoding="utf-8")
-
-
-def on_child(ranks: int, job: Table, time_limit: float | None = None, module: str = CASES) -> Result:
+def on_child(module: str, ranks: int, job: Table, time_limit: float | None = None) -> Table:
     """Run one job on an idle child of this process, or a new one, and return its answer.
 
     Raises
@@ -198,6 +152,11 @@ def on_child(ranks: int, job: Table, time_limit: float | None = None, module: st
         with _guard:
             _idle[module, ranks].append(child)
     return result
+
+
+def are_closing() -> bool:
+    """Return whether the children have been closed, so that their last jobs do not count."""
+    return _closing.is_set()
 
 
 def close_children() -> None:
