@@ -378,8 +378,8 @@ class Part(BaseModel, metaclass=_Reworded):
         """
         if not update:
             return super().model_copy(deep=deep)
-        given = {name: value for name, value in self if name in self.model_fields_set}
-        return type(self)(**{**given, **update})
+        entries = {name: value for name, value in self if name in self.model_fields_set}
+        return type(self)(**{**entries, **update})
 
 
 @cache
@@ -407,7 +407,7 @@ def descriptions(part: type[Part]) -> dict[str, str]:
 
     The option of pydantic for it, `use_attribute_docstrings`, parses the source of every part when it is imported.
     """
-    found: dict[str, str] = {}
+    entries: dict[str, str] = {}
     for cls in reversed(part.__mro__):
         if cls is Part or not issubclass(cls, Part):
             continue
@@ -421,8 +421,8 @@ def descriptions(part: type[Part]) -> dict[str, str]:
         for field, text in pairwise(definition):
             match field, text:
                 case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
-                    found[name] = inspect.cleandoc(said)
-    return {name: found[name] for name in part.model_fields if name in found}
+                    entries[name] = inspect.cleandoc(said)
+    return {name: entries[name] for name in part.model_fields if name in entries}
 
 
 class Alternative(Part):
@@ -535,10 +535,10 @@ def _modules_in(*folders: str) -> list[str]:
 @cache
 def offered() -> dict[str, dict[str, EntryPoint]]:
     """Return the entry points of installed packages, by contract; cached, because one file per package is read."""
-    found: dict[str, dict[str, EntryPoint]] = {}
+    entries: dict[str, dict[str, EntryPoint]] = {}
     for entry in entry_points():
-        found.setdefault(entry.group, {})[entry.name] = entry
-    return found
+        entries.setdefault(entry.group, {})[entry.name] = entry
+    return entries
 
 
 def group_of(package: str) -> str:
@@ -666,8 +666,8 @@ def own_module(package: str, kind: str) -> ModuleType:
     try:
         return importlib.import_module(f"{package}.{kind}")
     except Exception as error:
-        found = find_spec(f"{package}.{kind}")
-        raise RuptfxError(load_error(found.origin if found and found.origin else kind, error)) from error
+        result = find_spec(f"{package}.{kind}")
+        raise RuptfxError(load_error(result.origin if result and result.origin else kind, error)) from error
 
 
 def alternatives(package: str) -> dict[str, type[Alternative]]:
@@ -761,8 +761,8 @@ def json_schema(root: type[Part], packages: list[str]) -> Table:
 
     def link(node: object) -> Any:
         if isinstance(node, dict):
-            found = {"$ref": f"#/$defs/{node[_FOLDER]}"} if _FOLDER in node else {}
-            return found | {key: link(value) for key, value in node.items() if key != _FOLDER}
+            entries = {"$ref": f"#/$defs/{node[_FOLDER]}"} if _FOLDER in node else {}
+            return entries | {key: link(value) for key, value in node.items() if key != _FOLDER}
         return [link(item) for item in node] if isinstance(node, list) else node
 
     return link(schema)
@@ -811,8 +811,8 @@ class Unit(str):
 
 def unit_of(part: type[Part], name: str) -> str:
     """Return the unit of a field, `1` if it has none."""
-    found = [item for item in _marks(part.model_fields[name]) if isinstance(item, Unit)]
-    return str(found[0]) if found else "1"
+    items = [item for item in _marks(part.model_fields[name]) if isinstance(item, Unit)]
+    return str(items[0]) if items else "1"
 
 
 def unit_of_key(case: Part, key: str) -> str:

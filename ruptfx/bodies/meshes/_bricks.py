@@ -158,11 +158,11 @@ class Bricks:
             for index, (first, last) in ((i, self.along), (k, self.down)):
                 fault &= (index.min(axis=1) >= first) & (index.max(axis=1) <= last)
         copied = (facets >= self._whole).any(axis=1)
-        found = np.full(len(facets), -1)
+        values = np.full(len(facets), -1)
         for place, (number, side) in enumerate(self.sides.values()):
             chosen = fault & (copied == bool(number)) if side == "fault" else on[side].all(axis=1) & (body == number)
-            found[chosen] = place
-        return found
+            values[chosen] = place
+        return values
 
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
         """Return vertices of the cells of one of several parts in tensor order, shape (cells, 8).
@@ -183,14 +183,14 @@ class Bricks:
         columns = np.flatnonzero(slab == part)
         i, j, k = (each.ravel() for each in np.meshgrid(columns, *(np.arange(n) for n in self._rows), indexing="ij"))
         (a, b), (c, d) = self._cut
-        found = np.empty((len(i), 8), dtype=np.int64)
+        values = np.empty((len(i), 8), dtype=np.int64)
         for corner in range(8):
             x, y, z = i + corner % 2, j + corner // 2 % 2, k + corner // 4
             vertex = (x * len(self.y) + y) * len(self.z) + z
             # Without cells below the plane, in a half, nothing is copied.
             copied = (j < self.plane) & (y == self.plane) & (x >= a) & (x <= b) & (z >= c) & (z <= d)
-            found[:, corner] = np.where(copied, self._whole + (x - a) * (d - c + 1) + z - c, vertex)
-        return found
+            values[:, corner] = np.where(copied, self._whole + (x - a) * (d - c + 1) + z - c, vertex)
+        return values
 
     def build(self) -> RawMesh:
         """Return the whole mesh."""

@@ -215,10 +215,10 @@ class MemorySweep(MatrixFree):
             Exactly symmetric where it is up to rounding; the argument of `matrices`.
         """
         parts = len(self.law.components)
-        strain, fields, given = self._at_points(displacement, state, np.arange(len(self.cells)))
-        found = self.law.inelastic_tangent(strain, fields, dt, given)
+        strain, fields, value = self._at_points(displacement, state, np.arange(len(self.cells)))
+        result = self.law.inelastic_tangent(strain, fields, dt, value)
         twice = np.array([1.0 if name[0] == name[1] else 2.0 for name in self.law.components])
-        moduli = np.moveaxis(found, -1, 0).reshape(len(self.cells), self.points, parts, parts) * twice[:, None]
+        moduli = np.moveaxis(result, -1, 0).reshape(len(self.cells), self.points, parts, parts) * twice[:, None]
         turned = np.swapaxes(moduli, -2, -1)
         if np.abs(moduli - turned).max() <= ROUNDING * np.abs(moduli).max():
             moduli = 0.5 * (moduli + turned)
@@ -233,15 +233,15 @@ class MemorySweep(MatrixFree):
         rows : ndarray of int
             Places of the cells in `cells`.
         """
-        found = self.law.inelastic_stress(*self._at_points(displacement, state, rows))
-        return np.asarray(found.T.reshape(len(rows), self.points, -1))
+        result = self.law.inelastic_stress(*self._at_points(displacement, state, rows))
+        return np.asarray(result.T.reshape(len(rows), self.points, -1))
 
     def _at_points(
         self, displacement: np.ndarray, state: np.ndarray, rows: np.ndarray
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Return strain, state and parameters of the points of some cells by name, each of shape (rows * points,)."""
         batch, lane = (each[rows] for each in self._where)
-        fields, given = (each[batch, :, :, lane] for each in (state, self._arrays["parameter"]))
+        fields, value = (each[batch, :, :, lane] for each in (state, self._arrays["parameter"]))
         c, parts = self._components, len(self.law.components)
         strain = np.empty((len(rows), self.points, parts))
         for first in range(0, len(rows), CHUNK):
@@ -254,7 +254,7 @@ class MemorySweep(MatrixFree):
 
         return (
             of_points(strain, self.law.components), of_points(fields, self.law.state),
-            of_points(given, self.law.parameters),
+            of_points(value, self.law.parameters),
         )  # fmt: skip
 
     def shares(self, cell: int, functions: np.ndarray) -> tuple[int, np.ndarray]:

@@ -225,7 +225,7 @@ class CollisionStep:
         It is twice the stiffness of a flush side, half at each end, as the other body may be equally light. Sides of
         all cells count where no springs are between them: collision contact may replace each of their facets.
         """
-        found = np.zeros((len(self._x), 2))
+        values = np.zeros((len(self._x), 2))
         rigid = self._cracks.fracture.rigid
         known = set() if rigid else {tuple(facet) for facet in self._network.vertices.tolist()}
         modulus = self._modulus.max(axis=1)
@@ -235,8 +235,8 @@ class CollisionStep:
                     nodes = self._nodes[cell, places]
                     length = float(np.hypot(*(self._x[nodes[1]] - self._x[nodes[0]])))
                     # 3 p (2 / h) on half of the length, with h = rest / length.
-                    found[nodes] += 2 * 3 * modulus[self._body[cell]] * length**2 / self._rest[cell]
-        return np.asarray(fem.from_owners(self._space, found)[:, 0])
+                    values[nodes] += 2 * 3 * modulus[self._body[cell]] * length**2 / self._rest[cell]
+        return np.asarray(fem.from_owners(self._space, values)[:, 0])
 
     def find(self, state: State) -> None:
         """Search close pairs at the displacement, before facets and pairs exert forces; collective."""
@@ -270,15 +270,15 @@ class CollisionStep:
         x, moved = self._now, since * self._corners(state.velocity)[0]
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
-        force, taken, stored = np.zeros_like(x), np.zeros(1), np.zeros(1)
+        force, result, stored = np.zeros_like(x), np.zeros(1), np.zeros(1)
         ends = np.searchsorted(pairs.law, np.arange(len(self._laws) + 1))
         for law, begin, end in zip(self._laws, ends[:-1], ends[1:], strict=True):
             some = slice(int(begin), int(end))
             memory = {name: values[some] for name, values in pairs.memory.items()}
-            given = (pairs.pair[some], x, moved, surface.rest, pairs.modulus[some], pairs.friction[some],
-                     pairs.counted[some], memory["overlap"], memory["traction"], force, taken, stored)  # fmt: skip
-            law(given, since, memory)
-        if not np.isfinite(taken[0]):
+            items = (pairs.pair[some], x, moved, surface.rest, pairs.modulus[some], pairs.friction[some],
+                     pairs.counted[some], memory["overlap"], memory["traction"], force, result, stored)  # fmt: skip
+            law(items, since, memory)
+        if not np.isfinite(result[0]):
             raise RuptfxError(
                 f"no slip rate of colliding cells balances friction and force at time {state.time:.6g} s; try ruptfx "
                 "check-law"
@@ -290,8 +290,8 @@ class CollisionStep:
         work = 0.5 * since * self._over(before + added, state.velocity)
         state.fields[OF_COLLISIONS] = added
         energy, overlapping = state.energy, float(stored[0])
-        energy["frictional_dissipation"] += float(taken[0])
-        energy["collision_loss"] += energy["collisions"] - overlapping - work - float(taken[0])
+        energy["frictional_dissipation"] += float(result[0])
+        energy["collision_loss"] += energy["collisions"] - overlapping - work - float(result[0])
         energy["collisions"] = overlapping
         self._remember(state)
 

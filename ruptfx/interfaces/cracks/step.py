@@ -260,14 +260,14 @@ class CrackStep(FacetFrames):
         """
         error = None
         try:
-            found = laws.at(self.position[facets].ravel())
+            result = laws.at(self.position[facets].ravel())
             for name in ("f_t", "c"):
-                if found.cohesion is not None and np.min(getattr(found.cohesion, name), initial=np.inf) <= 0:
+                if result.cohesion is not None and np.min(getattr(result.cohesion, name), initial=np.inf) <= 0:
                     error = CaseError(f"fracture: cohesion.{name} is zero somewhere; it must be above zero")
         except CaseError as caught:
-            found, error = laws, CaseError(f"fracture: {caught}")
+            result, error = laws, CaseError(f"fracture: {caught}")
         parallel.raise_on_all(self.network.comm, error)
-        return Group(facets, found, is_rated(laws.friction))
+        return Group(facets, result, is_rated(laws.friction))
 
     def _require_admissible(self) -> None:
         """Refuse initial stress that facets cannot carry; collective.
@@ -315,8 +315,8 @@ class CrackStep(FacetFrames):
         state["shear_traction"] += self.initial[:, 1:]
         for group in self.groups:
             normal, shear = np.repeat(self.initial[group.facets], 2, axis=0).T
-            found = group.laws.friction.initial_state(np.maximum(-normal, 0.0), np.abs(shear), np.zeros_like(shear))
-            for name, value in found.items():
+            result = group.laws.friction.initial_state(np.maximum(-normal, 0.0), np.abs(shear), np.zeros_like(shear))
+            for name, value in result.items():
                 state[name][group.facets] = np.broadcast_to(value, len(shear)).reshape(-1, 2)
             if group.laws.cohesion is None:
                 state["damage"][group.facets] = 1.0
@@ -338,10 +338,10 @@ class CrackStep(FacetFrames):
             Time since the previous tractions [s].
         """
         nodes = state.displacement, state.velocity, mass, state.force
-        taken = self.sweep(self._kernels, state.cracks, nodes, state.time, since)
+        sweep = self.sweep(self._kernels, state.cracks, nodes, state.time, since)
         components = len(state.force) // self._nodes
         state.force[self._owned_nodes * components :] = 0
-        self.count(state, taken)
+        self.count(state, sweep)
 
     def sweep(
         self, kernels: Sequence[Kernel], cracks: FaultState, nodes: Sequence[np.ndarray], time: float, since: float
@@ -372,9 +372,9 @@ class CrackStep(FacetFrames):
             "continuous? Try ruptfx check-law"
         )
 
-    def count(self, state: State, taken: np.ndarray) -> None:
+    def count(self, state: State, values: np.ndarray) -> None:
         """Count energy losses of facets in a step, and the largest residual of their laws."""
-        *energies, self.residual = taken.tolist()
+        *energies, self.residual = values.tolist()
         for name, amount in zip(("frictional_dissipation", "fracture", "impact_loss"), energies, strict=True):
             state.energy[name] += amount
 
@@ -498,11 +498,11 @@ class CrackStep(FacetFrames):
 
 
 def _distinct(laws: Iterable[CrackLaws]) -> list[CrackLaws]:
-    found: list[CrackLaws] = []
+    distinct: list[CrackLaws] = []
     for each in laws:
-        if each not in found:
-            found.append(each)
-    return found
+        if each not in distinct:
+            distinct.append(each)
+    return distinct
 
 
 class Kernel:
@@ -626,8 +626,8 @@ def formulas(laws: CrackLaws, rated: bool = False) -> tuple[Table, Table]:
         formulas["FRICTION"] = {"friction": record(friction.strength, constant(0), sigma, state)}
         formulas["ADVANCE"] = {f"OLD({name})": value for name, value in advanced.items()}
     if laws.cohesion is not None:
-        found, cohesion = parameters_as_symbols(laws.cohesion, "c_")
-        parameters |= found
+        result, cohesion = parameters_as_symbols(laws.cohesion, "c_")
+        parameters |= result
         formulas["LEFT"] = {"left": record(cohesion.remaining_fraction, symbol("damage"))}
         formulas["DAMAGE"] = {"damage": record(cohesion.damage, symbol("opening"), symbol("slip"))}
         macros |= {"TENSILE_STRENGTH": "c_f_t", "COHESION": "c_c"}
@@ -678,8 +678,8 @@ def _check(key: str, laws: CrackLaws, fracture: Fracture) -> None:
             "like coulomb, slip weakening; use 'intrinsic'"
         )
     pressed = np.full(1, 1e6)
-    given = friction.at(np.zeros(1))
-    first, second = (given.initial_state(pressed, part * pressed, np.zeros(1)) for part in (0.3, 0.5))
+    values = friction.at(np.zeros(1))
+    first, second = (values.initial_state(pressed, part * pressed, np.zeros(1)) for part in (0.3, 0.5))
     if any(np.any(first[name] != second[name]) for name in first):
         keys = [name for name in type(friction).model_fields if name.endswith("_initial")]
         raise CaseError(

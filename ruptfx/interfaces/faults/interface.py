@@ -272,11 +272,11 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
 
     ends = {side: _facet_ends(nodes, f"{name}.{side}") for side in ("plus", "minus")} if nodes.broken else {}
     if ends:
-        places = {side: found.places for side, found in ends.items()}
-        sides = {side: found.nodes for side, found in ends.items()}
+        places = {side: result.places for side, result in ends.items()}
+        sides = {side: result.nodes for side, result in ends.items()}
     else:
         sides = {side: of_side(f"{name}.{side}") for side in ("plus", "minus")}
-        places = {side: coordinates[found] for side, found in sides.items()}
+        places = {side: coordinates[result] for side, result in sides.items()}
     plus, minus, error = _pair(
         places["plus"], places["minus"], sides["plus"], sides["minus"], name, largest_extent(coordinates)
     )
@@ -315,13 +315,13 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
         )
         line = replace(line, first=_rounded(line.first - first, extent), last=_rounded(line.last + last, extent))
     if other_side == "meshed":
-        taken = plus == minus
+        values = plus == minus
     else:  # the rim of a mirrored interface, which is welded in the whole
-        taken = np.isin(plus, of_side(bodies.mirror_planes[name]) if name in bodies.mirror_planes else [])
+        values = np.isin(plus, of_side(bodies.mirror_planes[name]) if name in bodies.mirror_planes else [])
     for earlier in () if nodes.broken else bodies.interfaces[: bodies.interfaces.index(name)]:
         theirs = of_side(f"{earlier}.plus")
-        taken |= np.isin(plus, theirs if earlier in bodies.one_sided else np.setdiff1d(theirs, welded(earlier)))
-    taken |= np.isin(plus, nodes.copies)
+        values |= np.isin(plus, theirs if earlier in bodies.one_sided else np.setdiff1d(theirs, welded(earlier)))
+    values |= np.isin(plus, nodes.copies)
     tied = np.concatenate([nodes.kept, nodes.copies])
     half = np.isin(plus, tied) != np.isin(minus, tied)
     if np.any(half):
@@ -333,11 +333,11 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
             f"add kind = 'periodic' in [[boundaries]] for the edges of the other body, or remove {keys}"
         )
     parallel.raise_on_all(comm, error)
-    gone = np.sort(parallel.share_rows(comm, number[owned & taken]))
+    gone = np.sort(parallel.share_rows(comm, number[owned & values]))
     number, total = number - np.searchsorted(gone, number), total - len(gone)
     frame = local_frame(normal, mean) if components > 1 else np.ones((len(plus), 1, 1))
     # Points in order along the interface, for locality and readable files.
-    order = np.flatnonzero(~taken)[np.argsort(number[~taken])]
+    order = np.flatnonzero(~values)[np.argsort(number[~values])]
     return Interface(
         points[order], position[order], number[order], plus[order].astype(np.int64), minus[order].astype(np.int64),
         frame[order], weight[order], owned[order], total, line, other_side,
@@ -401,9 +401,9 @@ def _facet_ends(nodes: Nodes, side: str) -> _FacetEnds:
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
     inward = np.sum(normal * (opposite - ends[:, 0]), axis=1) > 0
     normal[inward] *= -1
-    found = np.take_along_axis(nodes.space.dofmap.list[cells], corner, axis=1)
+    values = np.take_along_axis(nodes.space.dofmap.list[cells], corner, axis=1)
     middles = np.stack([0.75 * ends[:, i] + 0.25 * ends[:, 1 - i] for i in (0, 1)], axis=1)
-    _, first, count = np.unique(found, return_index=True, return_counts=True)
+    _, first, count = np.unique(values, return_index=True, return_counts=True)
     error = None
     if np.any(count > 1):
         x = ", ".join(f"{value:.6g}" for value in ends.reshape(-1, 2)[first[np.argmax(count)]])
@@ -412,7 +412,7 @@ def _facet_ends(nodes: Nodes, side: str) -> _FacetEnds:
             "partner; refine the mesh there, or round the interface"
         )
     parallel.raise_on_all(nodes.comm, error)
-    return _FacetEnds(found.ravel(), middles.reshape(-1, 2), np.repeat(normal, 2, axis=0), np.repeat(0.5 * length, 2))
+    return _FacetEnds(values.ravel(), middles.reshape(-1, 2), np.repeat(normal, 2, axis=0), np.repeat(0.5 * length, 2))
 
 
 def _pair(

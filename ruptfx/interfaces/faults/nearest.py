@@ -66,9 +66,9 @@ def nearest_on_surface(face: Interface, comm: fem.MPI.Comm, point: np.ndarray) -
     best = int(np.argmin(np.linalg.norm(points - point, axis=1)))
     normal, *tangents = rows[best, 6:].reshape(3, 3)
     away, most = abs(float((point - points[best]) @ normal)), FARTHEST * np.ptp(points, axis=0).max()
-    found = rows[best, 1:3] + np.stack(tangents) @ (point - points[best])
+    result = rows[best, 1:3] + np.stack(tangents) @ (point - points[best])
     low, high = rows[:, 1:3].min(axis=0) - most, rows[:, 1:3].max(axis=0) + most
-    if away > most or np.any(found < low) or np.any(found > high):
+    if away > most or np.any(result < low) or np.any(result > high):
         here, there = (", ".join(f"{value:.12g}" for value in each) for each in (point, points[best]))
         raise RuptfxError(f"({here}) m is not on the interface, whose nearest node is ({there}) m")
-    return np.asarray(found)
+    return np.asarray(result)

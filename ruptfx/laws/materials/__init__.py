@@ -214,12 +214,12 @@ class Material(Waves, Alternative):
     @property
     def varying(self) -> dict[str, Profile]:
         """The parameters that vary in the bodies, by key; `initial_stress.0` is the first item of a list."""
-        found: dict[str, Profile] = {}
+        entries: dict[str, Profile] = {}
         for name in type(self).model_fields:
             value = getattr(self, name)
             items = {f"{name}.{number}": item for number, item in enumerate(value)} if isinstance(value, list) else {}
-            found |= {key: item for key, item in (items or {name: value}).items() if isinstance(item, Profile)}
-        return found
+            entries |= {key: item for key, item in (items or {name: value}).items() if isinstance(item, Profile)}
+        return entries
 
     def values_at(self, points: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values of parameters that vary, by key as in `varying`, at points of the bodies; shape (n,).
@@ -234,17 +234,17 @@ class Material(Waves, Alternative):
         CaseError
             A profile that does not cover the points, or values outside the bounds of the key.
         """
-        found = {}
+        values = {}
         for key, profile in self.varying.items():
             try:
-                found[key] = profile.in_body(points)
+                values[key] = profile.in_body(points)
             except PointsError:  # names its own keys
                 raise
             except CaseError as error:
                 raise CaseError(f"{key}: {error}") from None
             for bound in _bounds(type(self), key.partition(".")[0]):
-                bound.check(key, found[key], points)
-        return found
+                bound.check(key, values[key], points)
+        return values
 
     def with_values(self, values: Mapping[str, Any]) -> Material:
         """Return the material with unchecked numbers, arrays or expressions, by key as in `varying`."""

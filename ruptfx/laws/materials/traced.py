@@ -99,13 +99,13 @@ class TracedMaterial:
 
     def _starts(self) -> dict[str, float]:
         """Return all numbers of the state and their initial values."""
-        found: dict[str, float] = {}
+        entries: dict[str, float] = {}
         for name, field in self._material.state_fields().items():
             of_field = [f"{name}_{part}" for part in COMPONENTS] if field.tensor else [name]
-            found |= dict.fromkeys(of_field, float(field.start))
+            entries |= dict.fromkeys(of_field, float(field.start))
         if self._plane == "stress":
-            found[ACROSS] = 0.0
-        return found
+            entries[ACROSS] = 0.0
+        return entries
 
     def _symbols(self, live: set[str]) -> dict[str, Expression]:
         return {name: symbol(f"s_{name}") if name in live else constant(0) for name in self._begun}
@@ -133,11 +133,11 @@ class TracedMaterial:
         self, strain: Tensor, numbers: dict[str, Expression]
     ) -> tuple[dict[str, Expression], dict[str, Expression]]:
         material = self._material
-        found: Any = record(material.stress, strain, self._packed(numbers), self._dt)
+        result: Any = record(material.stress, strain, self._packed(numbers), self._dt)
         wanted = material.state_fields()
-        if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Tensor)):
+        if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[0], Tensor)):
             raise RuptfxError(f"{material.kind()}.stress: return the stress, a Tensor, and the new state, a dict")
-        stress, state = found
+        stress, state = result
         if not isinstance(state, dict) or set(state) != set(wanted):
             raise RuptfxError(f"{material.kind()}.stress: the new state must have {', '.join(wanted) or 'no field'}")
         advanced: dict[str, Expression] = {}
@@ -157,19 +157,19 @@ class TracedMaterial:
 
     def _recorded(self, live: set[str]) -> dict[str, Expression]:
         material, wanted = self._material, self._material.recorded_states()
-        found: Any = record(material.recorded, self._packed(self._symbols(live)))
-        if not isinstance(found, dict) or set(found) != set(wanted):
+        result: Any = record(material.recorded, self._packed(self._symbols(live)))
+        if not isinstance(result, dict) or set(result) != set(wanted):
             raise RuptfxError(f"{material.kind()}.recorded: return a dict with {', '.join(wanted) or 'no name'}")
-        if tensors := [name for name in wanted if isinstance(found[name], Tensor)]:
+        if tensors := [name for name in wanted if isinstance(result[name], Tensor)]:
             raise RuptfxError(f"{material.kind()}.recorded: '{tensors[0]}' must be a number of each point, no Tensor")
-        return {name: _expression(found[name]) for name in wanted}
+        return {name: _expression(result[name]) for name in wanted}
 
     def _elastic_stress(self) -> dict[str, Expression]:
         """Return the stress of the elastic energy by component, from its second derivative."""
         if self.parameters:
             return self._isotropic_stress()
         stiffness = tangent_stiffness(self._material, self._plane)
-        found = {}
+        elastic_stress = {}
         for name in self.components:
             total = constant(0)
             for other, strain in self._strain.items():
@@ -179,8 +179,8 @@ class TracedMaterial:
                     place = tuple("xyz".index(axis) for axis in name + other)
                     number = stiffness[place] * (1 if other[0] == other[1] else 2)
                 total = apply("add", total, apply("multiply", constant(number), strain))
-            found[name] = total
-        return found
+            elastic_stress[name] = total
+        return elastic_stress
 
     def _isotropic_stress(self) -> dict[str, Expression]:
         """Return the stress of linear isotropic elasticity with moduli that are expressions."""
@@ -228,9 +228,9 @@ class TracedMaterial:
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:  # fmt: skip
         """Return the stress [Pa] and the new state of points from their strain, by name."""
         outputs = {f"o_{name}": value for name, value in (self.stress | self.advanced).items()}
-        found = self._numbers(outputs, strain, state, dt, parameters)
+        numbers = self._numbers(outputs, strain, state, dt, parameters)
         like = np.zeros_like(strain[self.components[0]])
-        rows = [value + like for value in found]
+        rows = [value + like for value in numbers]
         count = len(self.components)
         return (
             dict(zip(self.components, rows[:count], strict=True)), dict(zip(self.state, rows[count:], strict=True))
@@ -241,8 +241,8 @@ class TracedMaterial:
         parameters: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:  # fmt: skip
         """Return the present inelastic stress of points [Pa], shape (components, points)."""
-        found = self._present(*self._values(strain, state, 0.0, parameters))
-        return np.stack([value + np.zeros_like(strain[self.components[0]]) for value in found])
+        result = self._present(*self._values(strain, state, 0.0, parameters))
+        return np.stack([value + np.zeros_like(strain[self.components[0]]) for value in result])
 
     @cached_property
     def _present(self) -> Any:
@@ -272,9 +272,9 @@ class TracedMaterial:
             for row in self.components for column in self.components
         }  # fmt: skip
         like = np.zeros_like(strain[self.components[0]])
-        found = [value + like for value in self._numbers(outputs, strain, state, dt, parameters)]
+        items = [value + like for value in self._numbers(outputs, strain, state, dt, parameters)]
         count = len(self.components)
-        return np.stack(found).reshape(count, count, *like.shape)
+        return np.stack(items).reshape(count, count, *like.shape)
 
     def _numbers(
         self, outputs: dict[str, Expression], strain: dict[str, np.ndarray], state: dict[str, np.ndarray],

@@ -219,13 +219,13 @@ class Condensed:
 
     def _of_length(self, key: tuple[float, ...], make: Callable[[], Stored]) -> Stored:
         """Return a stored object for the length of steps, or create it; the last few are stored; collective."""
-        found = self._kept.pop(key, None)
-        if found is None:
+        length = self._kept.pop(key, None)
+        if length is None:
             while len(self._kept) >= MAX_STORED:
                 self._kept.popitem(last=False)[1].destroy()
-            found = make()
-        self._kept[key] = found
-        return found
+            length = make()
+        self._kept[key] = length
+        return length
 
     def balance(self, step: Step, start: Start, together: bool = False) -> Guess | None:
         """Return the jumps e that balance forces, None if none are found; collective.

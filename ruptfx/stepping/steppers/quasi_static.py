@@ -232,7 +232,7 @@ class QuasiStaticMotion(SlowMotion):
         pressure = np.where(stress > 0, stress, 1.0)
         explicit = law.advance({name: old[name] for name in names}, before, pressure, solution.dt)
         end = {name: new[name] for name in names}
-        first, last = (np.asarray(law.strength(rate, pressure, given)) for given in (explicit, end))
+        first, last = (np.asarray(law.strength(rate, pressure, item)) for item in (explicit, end))
         error = 0.5 * np.abs(first - last) / pressure
         return float(np.max(error * (stress > 0), initial=0.0))
 
