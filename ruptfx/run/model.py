@@ -19,31 +19,24 @@ from ruptfx.bodies import operators
 from ruptfx.bodies.boundaries.loading import Loads
 from ruptfx.bodies.operators.geometry import is_tensor
 from ruptfx.bodies.operators.memory_sweep import MemorySweep
-from ruptfx.bodies.space import axisymmetry, mirror
+from ruptfx.bodies.space import mirror
 from ruptfx.bodies.space.bodies import distribute
-from ruptfx.bodies.space.closest import closest
-from ruptfx.bodies.spectrum import highest_frequency
 from ruptfx.bodies.state import State
 from ruptfx.case import Case, FaultCase
 from ruptfx.input.fields import ENERGIES, KEPT
-from ruptfx.input.profiles import evaluate
-from ruptfx.input.profiles.places import Place, located, parts, patches, positions, shifted
-from ruptfx.input.profiles.rim import Patch
 from ruptfx.input.schema import CaseError, nearest
 from ruptfx.interfaces.collisions.step import CollisionStep
 from ruptfx.interfaces.cracks.rigid import RigidCracks
 from ruptfx.interfaces.cracks.step import CrackStep
 from ruptfx.interfaces.faults.fault import Fault, in_steps
-from ruptfx.interfaces.faults.interface import Interface, build_interface
-from ruptfx.interfaces.faults.nearest import nearest_on_line, nearest_on_surface
 from ruptfx.interfaces.mechanisms import mechanisms_of
 from ruptfx.interfaces.mechanisms.system import System, Viscosity
-from ruptfx.interfaces.sliding.interface import build_sliding
 from ruptfx.laws.contact import Way
 from ruptfx.laws.materials import WaveSpeeds
 from ruptfx.laws.materials.traced import TracedMaterial, traced
-from ruptfx.laws.nucleation import first_begun
 from ruptfx.platform import fem, parallel
+from ruptfx.run.faults import make_fault
+from ruptfx.run.viscous_layer import viscous_layer
 
 ALONG = 1e-12  # a normal is along an axis if its largest component differs from 1 by less
 
@@ -93,7 +86,10 @@ class Model(System):
         self.operator = operators.create(case.operator, self.bulk, case.loaded)
         self.force = fem.SharedVector(self.space)
         self.placed: dict[str, FaultCase] = {}  # what the case says of the faults, with positions instead of points
-        self.faults = [self._fault(name, fault) for name, fault in case.faults.items()]
+        self.faults = []
+        for name, fault in case.faults.items():
+            made, self.placed[name] = make_fault(self, case, name, fault)
+            self.faults.append(made)
         unknown = [name for name in self.bodies.interfaces if name not in case.faults]
         if unknown:
             raise CaseError(f"faults: the mesh has the interface '{unknown[0]}', which needs [faults.{unknown[0]}]")
@@ -107,7 +103,7 @@ class Model(System):
         self.memory = self._memory()
         self.viscosity: Viscosity | None = None
         self.mechanisms = mechanisms_of(self)
-        self.viscosity = self.viscous_layer()  # as stable steps without it allow
+        self.viscosity = viscous_layer(self, case)  # as stable steps without it allow
         self.mechanisms = mechanisms_of(self)
 
     def _oblique_nodes(self) -> np.ndarray:
@@ -125,67 +121,6 @@ class Model(System):
         """Return the edges that boundaries tie, by key of the case."""
         boundaries = {f"boundaries.{number}": boundary for number, boundary in enumerate(self.case.boundaries)}
         return {key: boundary.tied_edges for key, boundary in boundaries.items() if boundary.tied_edges is not None}
-
-    def viscous_layer(self) -> Viscosity | None:
-        """Return the Kelvin-Voigt damping next to the interfaces."""
-        given = self.case.damping.kelvin_voigt
-        if given is None:
-            return None
-        centres = fem.dolfinx.mesh.compute_midpoints(
-            self.mesh, self.mesh.topology.dim, np.arange(len(self.bodies.cell_body), dtype=np.int32)
-        )[:, : self.mesh.geometry.dim]
-        points = [parallel.share_rows(self.comm, fault.interface.surface_points) for fault in self.faults]
-        if self.cracks is not None:
-            for name in ("thickness", "bodies"):
-                if getattr(given, name) is not None:
-                    raise CaseError(f"damping.kelvin_voigt.{name}: cracked bodies are damped everywhere; leave it out")
-            chosen = np.ones(len(self.bodies.cell_body), dtype=bool)
-        elif given.bodies is not None:
-            chosen = np.isin(self.bodies.cell_body, self._numbers("damping.kelvin_voigt.bodies", given.bodies))
-        elif not points:
-            raise CaseError("damping.kelvin_voigt: there is no interface; name bodies, or use damping.mass")
-        else:
-            chosen = self._near(np.concatenate(points), centres, given.thickness)
-        if not parallel.total(self.comm, chosen.sum()):
-            raise CaseError(
-                f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
-                if given.thickness is not None else "damping.kelvin_voigt.bodies: name a body at least"
-            )
-        stable = 2 / highest_frequency(self)
-        eta = given.eta or parallel.three_digits(given.fraction * stable)
-        bulk, rotates = replace(self.bulk, only=chosen, large_rotations=False), self.bulk.large_rotations
-        touched = np.zeros(self.nodes, dtype=bool)
-        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
-        touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
-        if not chosen[:owned].any():
-            chosen[0] = True  # an operator needs an element; its nodes are not touched
-        operator = operators.create(self.case.operator, replace(bulk, large_rotations=rotates), self.case.loaded)
-        if rotates and not isinstance(operator, operators.ViscousOperator):
-            raise CaseError(
-                f"damping.kelvin_voigt: operator = '{self.case.operator}' does not damp bodies that rotate; use "
-                "'matrix_free'"
-            )
-        return Viscosity(eta, bulk, operator, touched, everywhere=self.cracks is not None, rotates=rotates)
-
-    def _numbers(self, key: str, names: list[str]) -> list[int]:
-        """Return the numbers of bodies by their names."""
-        for name in names:
-            if name not in self.bodies.names:
-                raise CaseError(f"{key} = '{name}': no such body, {nearest(name, self.bodies.names)}")
-        return [self.bodies.names.index(name) for name in names]
-
-    def _near(self, points: np.ndarray, centres: np.ndarray, thickness: float | None) -> np.ndarray:
-        """Return a mask of cells with a centre within `thickness` of the points, or a node at one if it is None."""
-        if thickness is None:
-            dofs, x = self.space.dofmap.list, self.coordinates
-            close = 1e-6 * np.linalg.norm([np.ptp(of_axis[dofs], axis=1) for of_axis in x.T], axis=0)
-            # Distances of the other cells are not needed.
-            low, high = points.min(axis=0) - close.max(initial=0.0), points.max(axis=0) + close.max(initial=0.0)
-            there = np.flatnonzero(((x >= low) & (x <= high)).all(axis=1))
-            distance = np.full(len(x), np.inf)
-            distance[there] = closest(x[there], points)[0]
-            return np.asarray(distance[dofs].min(axis=1) < close)
-        return np.asarray(closest(centres, points)[0] <= thickness)
 
     def free_inverse_mass(self) -> np.ndarray:
         """Return the inverse mass of all degrees of freedom [1/kg], with sums of tied ones; zero if prescribed."""
@@ -220,139 +155,6 @@ class Model(System):
                 error = caught
         parallel.raise_on_all(self.comm, error)
         return found
-
-    def _fault(self, name: str, fault: FaultCase) -> Fault:
-        if name not in self.bodies.interfaces:
-            known = ", ".join(self.bodies.interfaces) or "none"
-            raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
-        if fault.sliding is None:
-            face = build_interface(self.layout, name)
-        else:
-            face = build_sliding(self.layout, name, fault.sliding)
-        if self.case.plane == "axisymmetric":
-            radius = face.points[:, 1]
-            reaches = axisymmetry.on_axis(face.points).any()
-            parallel.raise_on_all(self.comm, CaseError(
-                f"faults.{name}: the interface reaches the axis, where it has no area; make the bodies hollow"
-            ) if reaches else None)  # fmt: skip
-            face = replace(face, weight=2 * np.pi * radius * face.weight)
-        self._check_positions(name, face, fault)
-        fault = located(fault, lambda key, place: self._position_of(face, key, place), f"faults.{name}")
-        self.placed[name] = fault
-        error = None
-        try:
-            law, contact = fault.friction.at(face.locations), fault.contact.at(face.locations)
-            normal, shear = fault.initial_stress.tractions(face, law, self.case.initial_stress)
-            for nucleation in fault.nucleation:
-                nucleation.at(face.locations)  # refuses bad profiles before the first step
-                law = nucleation.weaken(law, face.locations)
-            cohesion = None if fault.cohesion is None else fault.cohesion.at(face.locations)
-            gap = None if fault.gap is None else evaluate(fault.at(face.locations).gap, face.locations)
-            if gap is not None and np.any((gap > 0) & (normal > 0)):
-                raise CaseError("gap: where it is open, initial_stress.normal must be zero")
-        except CaseError as caught:  # of a profile, at the points of this rank
-            error = CaseError(f"faults.{name}{_with_key(fault, str(caught))}")
-        parallel.raise_on_all(self.comm, error)
-        tension = -parallel.largest(self.comm, float(normal.max(initial=-np.inf)))
-        if 0 < tension < np.inf and fault.initial_stress.normal is None and fault.cohesion is None:
-            key = "initial_stress" if fault.initial_stress.of_bodies else f"faults.{name}.initial_stress"
-            raise CaseError(
-                f"{key}.tensor: pulls at every point of interface '{name}', with {tension:.6g} Pa or more; tension is "
-                "positive in a tensor, give compression a minus sign"
-            )
-        self._check_patches(name, face, fault)
-        after = self.case.output.rupture_after
-        if after is None:
-            after = max(first_begun(fault.nucleation)[0], 0.0)
-        direction = fault.initial_stress.directions(normal, shear)
-        made = Fault(name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after)
-        try:
-            made.require_strength()
-        except CaseError as caught:  # the points of a rank may differ
-            error = caught
-        parallel.raise_on_all(self.comm, error)
-        return made
-
-    def _check_positions(self, name: str, face: Interface, fault: FaultCase) -> None:
-        """Refuse positions that were lengths from the left end once and are x now, unless the case says that it knows.
-
-        Raises
-        ------
-        CaseError
-            On all ranks.
-        """
-        left = face.line.first
-        if self.case.positions is not None or face.line.measure != "x" or abs(left) <= 1e-9 * face.line.length:
-            return
-        given = list(positions(fault, f"faults.{name}"))
-        if self.case.stop_when is not None:
-            given += positions(self.case.stop_when, "stop_when")
-        if given:
-            raise CaseError(
-                f"positions: faults.{name} is along x from {left:g} m, where positions are x; until ruptfx 0.1 they "
-                'were lengths from its left end. Say that they are x: add the line positions = "x" before the first '
-                f"table of the case; and if it was written for 0.1, shift them by {left:g} m: {shifted(given, left)}"
-            )
-
-    def _check_patches(self, name: str, face: Interface, fault: FaultCase) -> None:
-        """Refuse patches and strips of a surface in which no point of it lies.
-
-        Raises
-        ------
-        CaseError
-            On all ranks.
-        """
-        self._check_strips(name, face, fault)
-        for key, patch in parts(fault, f"faults.{name}"):
-            if not isinstance(patch, Patch) or face.across is None:
-                continue
-            found = parallel.largest(self.comm, float(patch.share(face.locations).max(initial=0.0)))
-            if found == 0:
-                (first, last), (upper, lower) = patch.strike, patch.dip
-                deepest = parallel.largest(self.comm, float(face.across.max(initial=0.0)))
-                raise CaseError(
-                    f"{key}: no point of the surface is in the {patch.kind()} with strike = {first:g} to {last:g} m "
-                    f"and dip = {upper:g} to {lower:g} m; the points have strike from {face.line.first:g} to "
-                    f"{face.line.last:g} m and dip from 0 to {deepest:g} m: move the patch onto the surface, or reduce "
-                    "mesh.element_size if it is between points"
-                )
-
-    def _check_strips(self, name: str, face: Interface, fault: FaultCase) -> None:
-        """Refuse strips across a surface in which no point of it lies.
-
-        A profile whose strip is beyond the surface is not refused: it has its outer value there, and several
-        interfaces may have the same profile.
-        """
-        if face.across is None:
-            return
-        for strip in patches(fault, f"faults.{name}"):
-            if not strip.has_edge or strip.center is not None:
-                continue
-            positions = face.across if strip.down_dip else face.position
-            first, last = strip.ends
-            slack = 1e-9 * (last - first)
-            inside = (positions >= first - slack) & (positions <= last + slack)
-            if parallel.anywhere(self.comm, bool(inside.any())):
-                continue
-            lowest = -parallel.largest(self.comm, float((-positions).max(initial=-np.inf)))
-            highest = parallel.largest(self.comm, float(positions.max(initial=-np.inf)))
-            if (lowest < last and first < highest) or ".nucleation." in strip.key:
-                raise CaseError(
-                    f"{strip.key}: no point of the surface is in the {strip.kind} from {first:g} to {last:g} m "
-                    f"{'down dip' if strip.down_dip else 'along strike'}; the points are from {lowest:g} to "
-                    f"{highest:g} m: move it onto the surface, or reduce mesh.element_size if it is between points"
-                )
-
-    def _position_of(self, face: Interface, key: str, place: Place) -> float | np.ndarray:
-        """Return the position [m] of the point of an interface that is nearest to a given one; collective."""
-        if (place.z is None) != (len(face.line.origin) == 2):
-            raise CaseError(f"{key}: give x, y and z of a point of a surface, x and y of one on a line")
-        try:
-            if place.z is not None:
-                return nearest_on_surface(face, self.comm, np.array([place.x, place.y, place.z]))
-            return nearest_on_line(face, self.comm, np.array([place.x, place.y]))[0]
-        except RuptfxError as error:
-            raise CaseError(f"{key} = {error}") from None
 
     # -- for steppers ----------------------------------------------------------------------------------------------
 
@@ -482,12 +284,3 @@ class Model(System):
     def wave_speeds(self) -> WaveSpeeds:
         """Return the wave speeds of the body with the slowest S wave, the scale of the figures."""
         return min((m.wave_speeds(self.case.plane) for m in self.materials), key=lambda speeds: speeds.c_s)
-
-
-def _with_key(fault: FaultCase, message: str) -> str:
-    """Return the end of a key and a message, which may begin with the class and the field of a part of a fault."""
-    parts = {"friction": fault.friction, "contact": fault.contact, "initial_stress": fault.initial_stress,
-             **{f"nucleation.{number}": each for number, each in enumerate(fault.nucleation)}}  # fmt: skip
-    keys = [key for key, part in parts.items() if message.startswith(f"{type(part).__name__}.")]
-    # Two nucleations of one kind are not told apart.
-    return f".{keys[0]}.{message.partition('.')[2]}" if len(keys) == 1 else f": {message}"

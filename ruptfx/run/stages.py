@@ -23,6 +23,7 @@ from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.bodies.state import State
 from ruptfx.interfaces.mechanisms import mechanisms_of
 from ruptfx.run.model import Model
+from ruptfx.run.viscous_layer import viscous_layer
 from ruptfx.stepping.steppers import Motion, StagedMotion, sync_bodies
 
 Floats = NDArray[np.float64]
@@ -118,7 +119,7 @@ def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> 
     boundaries = case.boundaries if stage.boundaries is None else stage.boundaries
     key = "boundaries" if stage.boundaries is None else f"stages.{number}.boundaries"
     view.loads = StageLoads(view, boundaries, key, start, before)
-    view.viscosity = view.viscous_layer()
+    view.viscosity = viscous_layer(view, view.case)
     view.mechanisms = mechanisms_of(view)
     return view
 
