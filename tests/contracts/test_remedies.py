@@ -150,9 +150,12 @@ NUMBERS: dict[str, Remedy] = {
                             "shortest": 1e-6, "seed": 3}),
         rf"make it at least {N}", lambda m: [{"mesh.height.shortest": number(m)}]),
     "length of a rough line": Remedy(
-        flat(faults__main__gap={"kind": "self_affine", "rms": 1e-9, "hurst": 0.8, "length": 1.0, "longest": 0.5,
-                                "shortest": 1e-9, "seed": 3}),
-        rf"at most {N} times shortest = {N} m", lambda m: []),
+        flat(faults__main__gap={"kind": "sum", "terms": [1e-6, {
+            "kind": "self_affine", "rms": 1e-9, "hurst": 0.8, "length": 1.0, "longest": 0.5, "shortest": 1e-9,
+            "seed": 3}]}),
+        rf"at most {N} times shortest = {N} m",
+        lambda m: [{"faults.main.gap.terms.1.length": number(m) * number(m, 2), "faults.main.gap.terms.1.longest": 1e-6,
+                    "faults.main.initial_stress.normal": 0.0}]),
     "quality of P waves": Remedy(
         flat(plane="strain", materials__default={**HOMALITE, "kind": "standard_linear_solids", "Q_p": 500.0,
             "Q_s": 33.3,
@@ -334,6 +337,18 @@ WORDS: dict[str, Remedy] = {
         lambda m: [{"large_rotations": True}]),
     "order of bodies that break": Remedy(
         block({"order": 2}), r"set order = (\d)", lambda m: [{"order": int(m[1])}]),
+    "fracture out of a plane": Remedy(
+        block({"plane": "antiplane", "boundaries": []}), r"use plane = '(\w+)' or '(\w+)'",
+        lambda m: [{"plane": m[1]}, {"plane": m[2]}]),
+    "materials that vary in bodies that break": Remedy(
+        block({"materials.default.density": {"kind": "along_axis", "axis": "x", "profile": {
+            "kind": "table", "positions": [-1.0, 1.0], "values": [2600.0, 2700.0]}}}),
+        "give a number", lambda m: [{"materials.default.density": 2600.0}]),
+    "attachments in implicit steps of sliding": Remedy(
+        rough({"stepper": {"kind": "quasi_static"}, "attachments": [
+            {"kind": "foundation", "name": "base", "edge": "lower.left", "normal": 2e13, "tangential": 1e13,
+             "cohesion": {"kind": "linear", "f_t": 1e5, "c": 2e5, "G_Ic": 0.05, "G_IIc": 0.1}}]}),
+        r"remove (attachments\.0)", lambda m: [{m[1]: None}]),
     "two instruments of one name": Remedy(
         flat(instruments=[dict(RECEIVER), dict(RECEIVER)]), "give each one of its own",
         lambda m: [{"instruments.1.name": "other"}]),
@@ -468,7 +483,10 @@ def refused(table: Table, says: str) -> re.Match[str]:
 def test_printed_numbers_are_accepted(name: str) -> None:
     table, says, fixes = NUMBERS[name]
     for changes in fixes(refused(table, says)):
-        step(changed(table, changes))
+        if name == "shortest wave of a surface":
+            parse_case(changed(table, changes))  # where it is refused; a million waves take half a minute
+        else:
+            step(changed(table, changes))
 
 
 @pytest.mark.parametrize("name", WORDS)
@@ -516,7 +534,9 @@ def test_what_check_proposes_removes_its_warning(name: str) -> None:
     table, quantity, says, fixes = CHECKS[name]
 
     def row(given: Table) -> Row | None:
-        return next((row for row in preflight(parse_case(given, HERE)) if row.quantity == quantity), None)
+        case = parse_case(given, HERE)
+        assert isinstance(case, Case)
+        return next((row for row in preflight(case) if row.quantity == quantity), None)
 
     first = row(table)
     assert first is not None
@@ -639,7 +659,7 @@ class Session:
         self.folder = folder
         short = flat(duration=2e-6, output__checkpoint_steps=1, instruments=[{**RECEIVER, "interval": 1e-6}])
         Path("case.toml").write_text(tomli_w.dumps(short))
-        Path("study.toml").write_text(tomli_w.dumps({"case": "case.toml", "axes": AXES}))
+        Path("study.toml").write_text(tomli_w.dumps({"case": "case.toml", "axes": [{**AXES[0], "values": [0.6]}]}))
 
     def __call__(self, text: str) -> Result:
         return CliRunner(env={"COLUMNS": "1000"}).invoke(app, shlex.split(text))
@@ -696,8 +716,7 @@ COMMANDS: dict[str, tuple[list[str], str, str, Callable[[re.Match[str]], list[st
     "a study of another case": (["study study.toml --out s --quiet"],
     "study study.toml --out s --quiet --set duration=1e-6",
                                 r"another --out, or replace it with (--overwrite)",
-                                lambda m: ["study study.toml --out s2 --quiet --set duration=1e-6",
-                                           f"study study.toml --out s --quiet --set duration=1e-6 {m[1]}"]),
+                                lambda m: [f"study study.toml --out s --quiet --set duration=1e-6 {m[1]}"]),
     "a directory that exists": ([], "demos taken", r"(ruptfx demos) DIRECTORY", lambda m: [f"{m[1]} other"]),
 }  # fmt: skip
 

@@ -68,6 +68,7 @@ def infer(
     with reported(comm):
         launch.check_size(comm.size)
         from ruptfx.many_runs.inference.inversion import infer as recover
+        from ruptfx.readings.misfits import Inference
 
         of_machine = len(os.sched_getaffinity(0)) if at_once and scheduler is None and comm.size == 1 else 1
         made = recover(parsed, out, comm, not quiet, 1e9 * memory, cores=cores or of_machine,
@@ -91,10 +92,11 @@ def infer(
                         interval = f"± {0.5 * float(np.ptp(each.interval, axis=0).mean()):.3g} on average"
                 table.add_row(each.key, f"{first:.6g}", best, interval, each.unit, _note(each, bounds))
             screen.print(table)
+            search = made.case.inference or Inference()
             if made.exceeds_noise:
                 errors.print(
                     "The misfit is larger than noise explains, and the intervals do not hold: the search has not found "
-                    f"the minimum ({remedies_of(made.case.inference.method, made.reason)}), or sigma, law or mesh are "
+                    f"the minimum ({remedies_of(search.method, made.reason)}), or sigma, law or mesh are "
                     "wrong.",
                     style="yellow", soft_wrap=True,
                 )  # fmt: skip
