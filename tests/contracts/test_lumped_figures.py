@@ -112,6 +112,43 @@ def bifurcation() -> None:
     shows(right, *((data.wave_time, wave - wave.mean() - row * step) for row, wave in enumerate(data.wave)))
 
 
+def stick_slip() -> None:
+    """A line for each normal force and stiffness, of unequal numbers."""
+    data = made_up(period="normal_force stiffness speed", force_drop="normal_force stiffness speed",
+                   period_exponent="normal_force stiffness", speed="speed", normal_force="normal_force",
+                   stiffness="stiffness").isel(normal_force=slice(2), stiffness=slice(3))  # fmt: skip
+    left, right = slider.stick_slip(data).axes
+    rows = [data.isel(normal_force=i, stiffness=j) for i in range(2) for j in range(3)]
+    shows(left, *((row.speed, row.period) for row in rows))
+    shows(right, *((row.speed, row.force_drop) for row in rows))
+    numbers = [re.findall(r"[\d.]+", text.get_text()) for text in left.get_legend().get_texts()]
+    for found, row in zip(numbers, rows, strict=True):
+        expected = [float(row.normal_force), 1e-3 * float(row.stiffness), float(row.period_exponent)]
+        assert [float(number) for number in found[:3]] == pytest.approx(expected, rel=1e-3)
+
+
+def loading_unloading() -> None:
+    """The whole curve until one and a half of the largest displacement of the loops."""
+    data = made_up(whole_displacement="whole", whole_friction="whole", displacement="fraction sample",
+                   friction="fraction sample", irreversible="fraction", fraction="fraction")  # fmt: skip
+    data["whole_displacement"] = ("whole", np.linspace(0, 2 * float(data.displacement.max()), data.sizes["whole"]))
+    left, right = slider.loading_unloading(data).axes
+    kept = data.isel(whole=np.flatnonzero(data.whole_displacement <= 1.5 * data.displacement.max()))
+    assert 2 < kept.sizes["whole"] < data.sizes["whole"]
+    loops = [data.isel(fraction=number) for number in range(data.sizes["fraction"])]
+    shows(left, (kept.whole_displacement, kept.whole_friction), *((loop.displacement, loop.friction) for loop in loops))
+    shows(right, (data.fraction, data.irreversible))
+
+
+def frequency_response() -> None:
+    data = made_up(frequency="frequency", compliance="frequency", phase="frequency", resonance="", quality="")
+    top, bottom = slider.frequency_response(data).axes
+    shows(top, (data.frequency, data.compliance))
+    shows(bottom, (data.frequency, np.degrees(data.phase)))
+    assert top.lines[-1].get_xdata()[0] == float(data.resonance)
+    assert top.get_title(loc="left") == f"{float(data.resonance):.4g} 1/s, Q = {float(data.quality):.3g}"
+
+
 def fit() -> None:
     names = [name + end for name in ("a", "b", "D_c") for end in ("", "_low", "_high")]
     data = made_up(time="time", measured="time", fitted="time", **dict.fromkeys(names, "")).assign_attrs(confidence=0.9)
@@ -237,8 +274,9 @@ def spring_block() -> None:
 
 
 FIGURES: list[Callable[[], None]] = [
-    velocity_steps, slide_hold_slide, modulated_speed, modulated_load, stability, bifurcation, fit, asperity_population,
-    burridge_knopoff, maxwell_slip, roughness_map, spring_block,
+    velocity_steps, slide_hold_slide, modulated_speed, modulated_load, stability, bifurcation, stick_slip,
+    loading_unloading, frequency_response, fit, asperity_population, burridge_knopoff, maxwell_slip, roughness_map,
+    spring_block,
 ]
 
 
