@@ -38,6 +38,8 @@ def _mapped(part: Part, table: Table, change: Change, of_key: str) -> Table:
         unit = unit_of(type(part), name)
         if has_mark(type(part), name, OfKey) or (inner and unit == "1" and isinstance(getattr(part, name), Profile)):
             unit = of_key
+        if isinstance(part, Profile) and name == "slope":  # change per distance
+            unit = f"{of_key}/m"
         result[name] = _value(getattr(part, name), table[name], change, unit, text)
     return result
 
