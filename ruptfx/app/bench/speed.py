@@ -30,6 +30,7 @@ from ruptfx.case import Case
 from ruptfx.interfaces.faults.fault_step import FaultStep
 from ruptfx.platform import fem, launch
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 from ruptfx.platform.terminal import console
 from ruptfx.run.model import Model
 
@@ -322,7 +323,7 @@ def bandwidth() -> float:
     x, y = np.ones(12_500_000), np.ones(12_500_000)
     import ctypes
 
-    pointers = [ctypes.c_void_p(array.ctypes.data) for array in (x, y)]
+    pointers = [*map(address, (x, y))]
     seconds = median_time(lambda: library.axpy(ctypes.c_long(len(x)), ctypes.c_double(1e-9), *pointers))
     return 3 * x.nbytes / seconds
 

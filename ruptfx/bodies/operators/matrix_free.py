@@ -20,6 +20,7 @@ from ruptfx.bodies.operators.geometry import AFFINE, BOX, VARYING, geometry_elem
 from ruptfx.laws.materials.stiffness import linear_stiffness
 from ruptfx.platform import fem
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 # Nodes computed between updates. Measured: with 2000 the update is slower by half (short contiguous ranges).
 BLOCK_NODES = 16384
@@ -139,8 +140,8 @@ class MatrixFree:
             return False
         assert sums.flags.c_contiguous and sums.dtype == np.float64 and len(sums) == self._nodes
         self._library.add_stress(
-            ctypes.byref(self._plan), ctypes.c_long(self._batches), ctypes.c_void_p(self._root.ctypes.data),
-            *self._pointers(displacement), ctypes.c_void_p(sums.ctypes.data),
+            ctypes.byref(self._plan), ctypes.c_long(self._batches), address(self._root),
+            *self._pointers(displacement), address(sums),
         )  # fmt: skip
         return True
 
@@ -277,10 +278,10 @@ class MatrixFree:
         return self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*vectors),
             *self._pointers(inverse_mass, size=1), ctypes.c_double(dt), ctypes.c_double(decay),
-            ctypes.c_void_p(None if energy is None else energy.ctypes.data),
+            address(energy),
             ctypes.c_double(0.0 if damped is None else damped.eta),
             *([ctypes.c_void_p(None)] * 2 if damped is None else
-              [*self._pointers(damped.force), ctypes.c_void_p(damped.lost.ctypes.data)]),
+              [*self._pointers(damped.force), address(damped.lost)]),
             None if inelastic is None else ctypes.byref(self._inserted(inelastic)),
         )  # fmt: skip
 
@@ -308,7 +309,7 @@ class MatrixFree:
         for array in arrays:
             if array.dtype != np.float64 or array.shape != (self._nodes * size,) or not array.flags.c_contiguous:
                 raise RuptfxError(f"matrix_free: a vector of {self._nodes * size} doubles is needed, not {array.shape}")
-        return [ctypes.c_void_p(array.ctypes.data) for array in arrays]
+        return [*map(address, arrays)]
 
     def _hold_lines(self, fetch: int) -> None:
         """Store the cache lines (8 doubles) that every batch is the first to access, for prefetching one batch ahead.

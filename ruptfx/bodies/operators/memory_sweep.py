@@ -21,6 +21,7 @@ from ruptfx.input.schema import CaseError
 from ruptfx.laws.materials import Material
 from ruptfx.laws.materials.traced import traced
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 CHUNK = 64  # cells whose maps from displacement to strain are in memory at once
 ROUNDING = 1e-12  # asymmetry of moduli over the largest that is rounding
@@ -177,7 +178,7 @@ class MemorySweep(MatrixFree):
         """Add the present inelastic stress times weight and size of elements at their nodes, as `add_stress`."""
         assert sums.flags.c_contiguous and sums.dtype == np.float64 and len(sums) == self._nodes
         self._compiled.memory_stress(
-            *self._start(state), *self._pointers(displacement), ctypes.c_void_p(sums.ctypes.data)
+            *self._start(state), *self._pointers(displacement), address(sums)
         )
 
     def add_recorded(self, displacement: np.ndarray, state: np.ndarray, sums: np.ndarray) -> None:
@@ -192,7 +193,7 @@ class MemorySweep(MatrixFree):
         """
         assert sums.flags.c_contiguous and sums.shape == (self._nodes, len(self.law.recorded) + 1)
         self._compiled.memory_states(
-            *self._start(state), *self._pointers(displacement), ctypes.c_void_p(sums.ctypes.data)
+            *self._start(state), *self._pointers(displacement), address(sums)
         )
 
     def tangent(self, displacement: np.ndarray, state: np.ndarray, dt: float) -> np.ndarray:

@@ -30,6 +30,7 @@ from ruptfx.interfaces.cracks.step import CrackStep, formulas, varying
 from ruptfx.laws.materials import Material, Plane
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 from ruptfx.platform.codegen.tracing import depends, record, symbol
 
 if TYPE_CHECKING:
@@ -524,4 +525,4 @@ def _coefficient(law: FrictionLaw, pair: str) -> float | None:
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:
     assert array.flags.c_contiguous and array.dtype in (np.float64, np.int32)
-    return ctypes.c_void_p(array.ctypes.data)
+    return address(array)

@@ -27,6 +27,7 @@ from ruptfx.laws.materials import Plane
 from ruptfx.laws.materials.stiffness import tangent_stiffness
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 LOG = logging.getLogger("ruptfx.run")
 # Error of the tractions at a vertex over the tractions and the tensile strength there; patch.c asks for 1e-8.
@@ -207,7 +208,7 @@ class RigidCracks(CrackStep):
         count = len(self._arrays["split"]) if vertices is None else len(vertices)
         self._library.total(
             ctypes.byref(self._c), ctypes.c_long(count),
-            ctypes.c_void_p(None if vertices is None else vertices.ctypes.data), _at(values), _at(sums),
+            address(vertices), address(values), address(sums),
         )  # fmt: skip
 
     def corners_at(self, vertices: np.ndarray) -> np.ndarray:
@@ -216,7 +217,7 @@ class RigidCracks(CrackStep):
 
     def _mend(self, vertices: np.ndarray) -> None:
         """Find the components of some patches again."""
-        self._library.split(ctypes.byref(self._c), ctypes.c_long(len(vertices)), _at(vertices))
+        self._library.split(ctypes.byref(self._c), ctypes.c_long(len(vertices)), address(vertices))
         split = self._arrays["split"] > 0
         self._pieces = np.flatnonzero(split & ~self._others).astype(np.int32)
         self.coupled = np.flatnonzero(split & self._others).astype(np.int32)
@@ -270,21 +271,21 @@ class RigidCracks(CrackStep):
             Mass of every single corner [kg].
         """
         if self.large_rotations:
-            self._library.orient(ctypes.byref(self._c), _at(state.displacement))
+            self._library.orient(ctypes.byref(self._c), address(state.displacement))
         if "mass" not in self._arrays:  # a resumed run has inserted facets before its first search
             self._keep("mass", mass)
         if state.step % self._every:
             return self._found[:0]
         cracks = state.cracks
         count = self._library.check(
-            ctypes.byref(self._c), _at(state.displacement), self._ends(cracks), _at(self._found)
+            ctypes.byref(self._c), address(state.displacement), self._ends(cracks), address(self._found)
         )
         if not count:
             return self._found[:0]
         new = self._found[:count]
         self._library.insert(
-            ctypes.byref(self._c), ctypes.c_long(count), _at(new), ctypes.c_double(state.time), _at(state.velocity),
-            self._facets(cracks),
+            ctypes.byref(self._c), ctypes.c_long(count), address(new), ctypes.c_double(state.time),
+            address(state.velocity), self._facets(cracks),
         )  # fmt: skip
         self._arrays["inserted"][new] = 1
         vertices = self._vertices_of(new)
@@ -308,8 +309,8 @@ class RigidCracks(CrackStep):
         """
         self._library.advance(
             ctypes.byref(self._c), ctypes.c_long(len(self._arrays["left"])), ctypes.c_double(dt),
-            *map(_at, (keep, push, state.force, state.velocity, state.displacement)),
-            *((ctypes.c_void_p(None),) * 2 if damped is None else map(_at, (damped.force, damped.lost))),
+            *map(address, (keep, push, state.force, state.velocity, state.displacement)),
+            *((ctypes.c_void_p(None),) * 2 if damped is None else map(address, (damped.force, damped.lost))),
         )  # fmt: skip
 
     def hold(
@@ -336,10 +337,10 @@ class RigidCracks(CrackStep):
         vertices = self._pieces if vertices is None else vertices
         if len(vertices):
             self._library.hold(
-                ctypes.byref(self._c), ctypes.c_long(len(vertices)), _at(vertices),
+                ctypes.byref(self._c), ctypes.c_long(len(vertices)), address(vertices),
                 *map(ctypes.c_double, (dt, kick, since)),
-                *map(_at, (state.displacement, push, before, state.velocity, state.force)),
-                self._ends(state.cracks), _at(self.losses if losses is None else losses),
+                *map(address, (state.displacement, push, before, state.velocity, state.force)),
+                self._ends(state.cracks), address(self.losses if losses is None else losses),
             )  # fmt: skip
 
     def count_losses(self, state: State) -> None:
@@ -351,8 +352,8 @@ class RigidCracks(CrackStep):
         if not (len(self._pieces) or len(self.coupled)):
             return
         self._library.listen(
-            ctypes.byref(self._c), ctypes.c_long(len(self._waiting)), _at(self._waiting), ctypes.c_double(state.time),
-            _at(state.velocity), self._ends(cracks), self._facets(cracks),
+            ctypes.byref(self._c), ctypes.c_long(len(self._waiting)), address(self._waiting),
+            ctypes.c_double(state.time), address(state.velocity), self._ends(cracks), self._facets(cracks),
         )  # fmt: skip
         if len(self._waiting) and np.isfinite(cracks["time_of_failure"][self._waiting]).any():
             self._wait(cracks)
@@ -447,7 +448,3 @@ class RigidCracks(CrackStep):
 
 def _source(name: str) -> str:
     return files("ruptfx.interfaces.cracks").joinpath(name).read_text()
-
-
-def _at(array: np.ndarray) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)

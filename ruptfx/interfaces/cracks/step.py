@@ -27,6 +27,7 @@ from ruptfx.laws.friction import FrictionLaw
 from ruptfx.laws.materials import Material, Plane
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 from ruptfx.platform.codegen.tracing import Expression, constant, depends, record, symbol, to_c
 
 if TYPE_CHECKING:
@@ -588,8 +589,8 @@ class Kernel:
         arrays = self._node, self._fixed, self._number, self._varied, self._owned, *nodes
         self._library.update(
             ctypes.c_long(self._count), ctypes.c_double(since), ctypes.c_double(time),
-            *(ctypes.c_void_p(array.ctypes.data) for array in arrays), ctypes.byref(ends), ctypes.byref(facets),
-            ctypes.c_void_p(energy.ctypes.data),
+            *map(address, arrays), ctypes.byref(ends), ctypes.byref(facets),
+            address(energy),
         )  # fmt: skip
 
     def _begin(self, field: np.ndarray) -> int:

@@ -21,6 +21,7 @@ from ruptfx.interfaces.faults.held_points import HeldPoints, coupled_points, cou
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import FAILURE, PointCode, filled
 from ruptfx.interfaces.faults.points import Clock
+from ruptfx.platform.codegen.native import address
 from ruptfx.platform.codegen.tracing import constant, symbol
 
 
@@ -143,8 +144,8 @@ class FaultStep:
         self._table = self._code.table(state)
         arrays = (self._times, *self._nodes, displacement, velocity, force, self._code.fixed, self._code.numbers)
         self._pointers = [
-            ctypes.c_long(len(self.fault.interface.weight)), *(ctypes.c_void_p(array.ctypes.data) for array in arrays),
-            ctypes.byref(self._table), ctypes.c_void_p(self._result.ctypes.data),
+            ctypes.c_long(len(self.fault.interface.weight)), *map(address, arrays),
+            ctypes.byref(self._table), address(self._result),
         ]  # fmt: skip
         self._bound = (state, displacement, velocity, force)
         if self._coupled is not None:

@@ -40,6 +40,7 @@ from ruptfx.bodies.state import FaultState
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import LANES, PointCode, filled
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 OBLIQUE = 1e-9  # entries of a row of B beside its diagonal over the largest of B, up to which motions are independent
 SINGULAR = 1e-6  # eigenvalue over the largest one below which a motion is impossible
@@ -134,7 +135,7 @@ class HeldPoints:
         self.result = np.zeros(8)
         self._kept = np.zeros((len(code.names), len(index)))
         self._table: ctypes.Array[ctypes.c_void_p] = (ctypes.c_void_p * 0)()
-        self._some = ctypes.c_long(len(index)), ctypes.c_void_p(self.index.ctypes.data)
+        self._some = ctypes.c_long(len(index)), address(self.index)
 
     def put(self, name: str, values: np.ndarray) -> None:
         """Set a column from the values of all points."""
@@ -146,7 +147,7 @@ class HeldPoints:
 
     def keep(self) -> None:
         """Keep the fields before the step of all points."""
-        self._library.keep(*self._some, ctypes.byref(self._table), ctypes.c_void_p(self._kept.ctypes.data))
+        self._library.keep(*self._some, ctypes.byref(self._table), address(self._kept))
 
     def __call__(
         self, times: np.ndarray, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray
@@ -154,9 +155,9 @@ class HeldPoints:
         """Advance the fields from those that were kept, velocity and force, and set `result`."""
         arrays = (times, *self._nodes, displacement, velocity, force, self._code.fixed, self._code.numbers)
         self._library.update_held(
-            *self._some, ctypes.c_void_p(self._kept.ctypes.data),
-            *(ctypes.c_void_p(array.ctypes.data) for array in arrays), ctypes.byref(self._table),
-            ctypes.c_void_p(self.result.ctypes.data),
+            *self._some, address(self._kept),
+            *map(address, arrays), ctypes.byref(self._table),
+            address(self.result),
         )  # fmt: skip
         if self.result[1] >= 0:
             self.result[1] = self.index[int(self.result[1])]

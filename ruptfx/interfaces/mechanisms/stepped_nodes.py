@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ruptfx.interfaces.faults.points import Clock
 from ruptfx.interfaces.mechanisms import Floats
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 if TYPE_CHECKING:
     from ruptfx.bodies.operators import Damped
@@ -143,28 +144,30 @@ class SteppedNodes:
     def kick(self, state: State, kick: Kick) -> None:
         """Let the forces of `state` act on the velocities, and keep the velocities before."""
         self._library.kick(
-            *self._which(), ctypes.c_long(self._alike), _at(kick.keep), _at(kick.push), _at(state.force),
-            _at(state.velocity), _at(self.velocity_before),
+            *self._which(), ctypes.c_long(self._alike), address(kick.keep), address(kick.push), address(state.force),
+            address(state.velocity), address(self.velocity_before),
         )  # fmt: skip
 
     def drift(self, state: State, kick: Kick) -> tuple[float, float]:
         """Move displacements on and clear the forces; return dashpot loss and work of prescribed motion [J]."""
         self._work[:] = 0
         self._library.drift(
-            *self._which(), ctypes.c_long(len(self._special)), _at(self._special), ctypes.c_double(self.dt),
-            ctypes.c_double(kick.clock.kick), _at(self.mass), _at(self.dashpot), _at(self.driven), _at(self.once),
-            _at(self.velocity_before), _at(state.velocity), _at(state.displacement), _at(state.force), _at(self._work),
+            *self._which(), ctypes.c_long(len(self._special)), address(self._special), ctypes.c_double(self.dt),
+            ctypes.c_double(kick.clock.kick), *map(address, (
+                self.mass, self.dashpot, self.driven, self.once, self.velocity_before, state.velocity,
+                state.displacement, state.force, self._work,
+            )),
         )  # fmt: skip
         return float(self._work[0]), float(self._work[1])
 
     def clear(self, dofs: Integers, damping: Floats) -> None:
         """Set damping forces at some degrees of freedom to zero; both arrays of this call are over all nodes."""
-        self._library.clear(ctypes.c_long(len(dofs)), _at(dofs), _at(damping))
+        self._library.clear(ctypes.c_long(len(dofs)), address(dofs), address(damping))
 
     def add_damping(self, dofs: Integers, eta: float, damping: Floats, force: Floats) -> None:
         """Multiply damping forces at some degrees of freedom by eta, and add them to the force."""
         self._library.add_damping(
-            ctypes.c_long(len(dofs)), _at(dofs), ctypes.c_double(eta), _at(damping), _at(force)
+            ctypes.c_long(len(dofs)), address(dofs), ctypes.c_double(eta), address(damping), address(force)
         )  # fmt: skip
 
     def damping_power(
@@ -183,18 +186,14 @@ class SteppedNodes:
             Indices of the degrees of freedom in `before`.
         """
         return float(self._library.damping_power(
-            ctypes.c_long(len(dofs)), _at(dofs), _at(among), _at(damping), _at(before), _at(velocity),
+            ctypes.c_long(len(dofs)), *map(address, (dofs, among, damping, before, velocity))
         ))  # fmt: skip
 
-    def _which(self) -> tuple[ctypes.c_long, ctypes.c_void_p | None, ctypes.c_void_p | None]:
+    def _which(self) -> tuple[ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]:
         only = self.only
         count = ctypes.c_long(len(self.dofs if only is None else only))
-        return count, None if only is None else _at(only), None if isinstance(self.index, slice) else _at(self.dofs)
+        return count, address(only), address(None if isinstance(self.index, slice) else self.dofs)
 
     def _damped_or_driven(self) -> Integers:
         """Return the indices in the arrays of this class at which dashpots or prescribed motion do work."""
         return np.flatnonzero((self.dashpot != 0) | (self.driven != 0)).astype(np.int64)
-
-
-def _at(array: np.ndarray) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)

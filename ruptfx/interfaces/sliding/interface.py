@@ -29,6 +29,7 @@ from ruptfx.interfaces.sliding.mortar import COLUMNS, Coupling, Mortar
 from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 JUMP = files("ruptfx.interfaces.sliding").joinpath("jump.c")
 TOUCHING = 1e-6  # largest initial opening of touching surfaces over the length of a facet
@@ -164,7 +165,7 @@ class Geometry:
 
 def _pointer(array: Floats) -> ctypes.c_void_p:
     assert array.flags.c_contiguous and array.dtype == np.float64
-    return ctypes.c_void_p(array.ctypes.data)
+    return address(array)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from ruptfx import RuptfxError
 from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 REACH = 10  # largest distance of paired surfaces, in facets of either side
 OVERHANG = 0.02  # part of a facet: tolerated overhang at the ends of two aligned bodies that tilt
@@ -236,4 +237,4 @@ class Mortar:
 
 def _pointer(array: Floats | Integers) -> ctypes.c_void_p:
     assert array.flags.c_contiguous
-    return ctypes.c_void_p(array.ctypes.data)
+    return address(array)

@@ -29,6 +29,7 @@ from ruptfx.interfaces.faults.point_code import LANES
 from ruptfx.interfaces.faults.points import Clock
 from ruptfx.interfaces.sliding.interface import SlidingInterface
 from ruptfx.interfaces.sliding.surface import Floats, Integers
+from ruptfx.platform.codegen.native import address
 
 LOG = logging.getLogger("ruptfx.run")
 SLACK = 1 + 1e-6  # factor of a bound, for rounding
@@ -61,7 +62,7 @@ class _Points(FaultStep):
 
     def __init__(self, fault: Fault, inverse_mass: Floats, clock: Clock, threshold: float, before: Floats) -> None:
         super().__init__(fault, inverse_mass, clock, threshold)
-        self._before = ctypes.c_void_p(before.ctypes.data)
+        self._before = address(before)
         self._result, self.loss, self.fastest = np.zeros(8), 0.0, 0.0
 
     def put_shear(self, traction: Floats) -> None:

@@ -26,6 +26,7 @@ from ruptfx.interfaces.faults.points import Clock
 from ruptfx.interfaces.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.laws.contact import Point, Trial
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 from ruptfx.platform.codegen.tracing import (
     Expression,
     constant,
@@ -199,7 +200,7 @@ class PointMap:
         ])  # fmt: skip
         results = _rows(out)
         getattr(library or self._library, name)(
-            ctypes.c_long(self._n), *(ctypes.c_void_p(each.ctypes.data) for each in (numbers, pointers, results))
+            ctypes.c_long(self._n), *map(address, (numbers, pointers, results))
         )
         return out
 
@@ -357,7 +358,7 @@ class InitialMap:
         rows = [np.ascontiguousarray(each) for each in (parameters, self._given, seeds) if each is not None]
         pointers, results = np.concatenate([_rows(each) for each in rows]), _rows(out)
         getattr(self._library, name)(
-            ctypes.c_long(self._n), *(ctypes.c_void_p(each.ctypes.data) for each in (numbers, pointers, results))
+            ctypes.c_long(self._n), *map(address, (numbers, pointers, results))
         )
         return out
 

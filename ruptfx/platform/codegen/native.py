@@ -89,6 +89,11 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
     return raw[offset : offset + size].reshape(shape)
 
 
+def address(array: np.ndarray | None) -> ctypes.c_void_p:
+    """Return the address of the first value of an array, as an argument of a C function; NULL for None."""
+    return ctypes.c_void_p(None if array is None else array.ctypes.data)
+
+
 @cache
 def find_compiler() -> tuple[str, ...]:
     """Return the command of the C compiler: $CC, else that of the Python build, else gcc, cc or clang.

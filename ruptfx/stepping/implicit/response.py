@@ -16,6 +16,7 @@ from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.point_code import FAILURE, PointCode
 from ruptfx.interfaces.faults.points import Clock, closed_and_stuck, frictional_power
 from ruptfx.interfaces.faults.projection import TracedLaw
+from ruptfx.platform.codegen.native import address
 from ruptfx.platform.codegen.tracing import constant, symbol
 
 if TYPE_CHECKING:
@@ -125,8 +126,8 @@ class FaultResponse:
         if self._state is not state:  # the arrays of a run keep their memory
             self._state, self._table = state, code.table(state)
         tables = self._table, code.table(new)
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (self._times, *items)]
-        results = [ctypes.c_void_p(array.ctypes.data) for array in (change, tangent, self._result)]
+        pointers = [*map(address, (self._times, *items))]
+        results = [*map(address, (change, tangent, self._result))]
         self._library.respond(ctypes.c_long(n), *pointers, *map(ctypes.byref, tables), *results)
         if self._result[1] >= 0:
             code.fail(state, time, self._result)
