@@ -246,13 +246,10 @@ class Row:
             yield self._refusal(choices, stepper)
 
     def _refusal(self, choices: Choices, stepper: type[Stepper]) -> Refusal:
-        def groups(features: Keys) -> tuple[Keys, ...]:
-            return tuple(keys_of(choices, feature) for feature in features)
-
         other = next(iter(keys_of(choices, self.beside)), "")
         reason = self.reason.format(stepper=f"stepper.kind = '{stepper.kind()}'", other=other)
-        (shown,) = groups((self.shown or self.feature,))
-        return Refusal(shown, reason, groups(self.swap), groups(self.drop), self.hint)
+        swap, drop = (tuple(keys_of(choices, each) for each in features) for features in (self.swap, self.drop))
+        return Refusal(keys_of(choices, self.shown or self.feature), reason, swap, drop, self.hint)
 
 
 # -- rules -----------------------------------------------------------------------------------------

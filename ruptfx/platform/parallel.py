@@ -60,6 +60,11 @@ def on_root(comm: Comm, action: Callable[[], Result]) -> Result:
     return comm.bcast(result, root=0)
 
 
+def agreed(comm: Comm, value: Result) -> Result:
+    """Return the value of the first rank, as all compute the same up to rounding; collective."""
+    return value if comm.size == 1 else comm.bcast(value, root=0)
+
+
 def total(comm: Comm, values: npt.ArrayLike) -> np.ndarray:
     """Return the sum over ranks of an array or a number."""
     return np.asarray(comm.allreduce(np.asarray(values, dtype=float)))

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -41,7 +42,6 @@ from ruptfx.stepping.implicit.tangent import Tangent
 if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
 
-Value = TypeVar("Value")
 Stored = TypeVar("Stored")
 
 MAX_UNKNOWNS = 4000  # largest number of jump components, or of surface nodes with finite sliding: matrices are dense
@@ -154,7 +154,7 @@ class Condensed:
     """
 
     def __init__(self, model: System, tangent: Tangent) -> None:
-        self._model, self._tangent = model, tangent
+        self._model, self._tangent, self.comm = model, tangent, model.comm
         self.jumps = Jumps(model)
         self._surfaces = Surfaces(model, self.jumps) if any(fault.slides for fault in model.faults) else None
         self._kept: OrderedDict[tuple[float, ...], Any] = OrderedDict()
@@ -257,13 +257,7 @@ class Condensed:
         No interface is stiffer than a stuck one.
         """
         pulls = influence.weight[:, None] * blockwise_product(influence.stuck, guess.residual)
-        return self.agreed(float(np.linalg.norm(pulls)))
-
-    def agreed(self, value: Value) -> Value:
-        """Return the value of the first rank, as all compute the same up to rounding; collective."""
-        comm = self._model.comm
-        agreed: Value = value if comm.size == 1 else comm.bcast(value, root=0)
-        return agreed
+        return parallel.agreed(self._model.comm, float(np.linalg.norm(pulls)))
 
     def tractions(self, step: Step, jump: np.ndarray) -> Tractions | None:
         """Return the tractions at jumps of all points, None where a law fails; collective."""
@@ -291,6 +285,7 @@ class _Newton:
     def __init__(self, solver: Condensed, step: Step, start: Start) -> None:
         self._solver, self._step, self._start = solver, step, start
         self._begin, self._changes = solver.gather(step), _Changes(start.influence)
+        self._agreed = partial(parallel.agreed, solver.comm)
 
     def first(self, together: bool) -> Guess | None:
         """Return the guess at the start, or that of closed points (`Condensed.balance`)."""
@@ -300,7 +295,7 @@ class _Newton:
         opening = solver.jumps.gather({name: response.state["opening"] for name, response in step.responses.items()})
         pulled = np.zeros_like(start.driven)
         pulled[:, 0] = start.influence.stuck[:, 0, 0] * opening
-        return self.at(solver.agreed(start.driven - start.influence.jumps_under(pulled)))
+        return self.at(self._agreed(start.driven - start.influence.jumps_under(pulled)))
 
     def at(self, e: np.ndarray) -> Guess | None:
         """Return the residual at some jumps, None where a law fails; collective."""
@@ -317,15 +312,15 @@ class _Newton:
         solver, start, stalled, before = self._solver, self._start, 0, np.inf
         for _ in range(MAX_NEWTON):
             forces = solver.residual_bound(start.influence, guess)
-            size = solver.agreed(float(np.linalg.norm(guess.residual)))
+            size = self._agreed(float(np.linalg.norm(guess.residual)))
             solver.history.append(forces)
             # Or the jumps are exact up to rounding.
             small = size <= 1e-15 * (np.linalg.norm(guess.e) + np.linalg.norm(start.jumps))
             # Below the tolerance, Newton's iteration converges fast or has reached rounding.
             ends = forces <= start.enough and size > FAST * before
-            if solver.agreed(bool(forces <= 0.01 * start.enough or small or ends)):
+            if self._agreed(bool(forces <= 0.01 * start.enough or small or ends)):
                 return guess
-            change = solver.agreed(self._changes.solve(guess.tangent - start.influence.stuck, guess.residual))
+            change = self._agreed(self._changes.solve(guess.tangent - start.influence.stuck, guess.residual))
             solver.iterations += 1
             following, stalls = self._search(guess, change, size)
             before, stalled = size, stalled + 1 if stalls else 0
@@ -344,7 +339,7 @@ class _Newton:
         ahead = np.inf
         for _ in range(MAX_HALVINGS):
             following = self.at(guess.e + length * change)
-            ahead = self._solver.agreed(np.inf if following is None else float(np.linalg.norm(following.residual)))
+            ahead = self._agreed(np.inf if following is None else float(np.linalg.norm(following.residual)))
             if ahead <= (1 - 1e-4 * length) * size:
                 return following, length < longest and ahead > STALLING * size
             length *= 0.5

@@ -23,9 +23,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -44,8 +44,7 @@ if TYPE_CHECKING:
 BASE, SINCE, BEFORE = "deferred_base", "deferred_since", "deferred_before"
 
 
-@dataclass
-class CarriedPoints:
+class CarriedPoints(NamedTuple):
     """What steps on the interfaces carry at points, shape (points, local).
 
     Attributes
@@ -64,20 +63,16 @@ class CarriedPoints:
     base_traction: np.ndarray
 
     @classmethod
-    def names(cls) -> list[str]:
-        """Return the names of the arrays."""
-        return [each.name for each in fields(cls)]
-
-    @classmethod
     def of(cls, columns: FaultState) -> CarriedPoints:
         """Return the arrays from `columns`."""
-        local = range(len(columns) // len(cls.names()))
-        return cls(*(np.stack([columns[f"deferred.{n}.{k}"] for k in local], axis=1) for n in cls.names()))
+        local = range(len(columns) // len(cls._fields))
+        return cls(*(np.stack([columns[f"deferred.{n}.{k}"] for k in local], axis=1) for n in cls._fields))
 
     def columns(self) -> FaultState:
         """Return the components as fields of points, which checkpoints contain."""
         # No field of a law has a dot in its name.
-        return {f"deferred.{n}.{k}": each for n in self.names() for k, each in enumerate(getattr(self, n).T.copy())}
+        arrays = self._asdict().items()
+        return {f"deferred.{name}.{k}": each for name, array in arrays for k, each in enumerate(array.T.copy())}
 
 
 @dataclass
@@ -357,10 +352,7 @@ class InterfaceSteps:
 
     def _gathered(self, carried: Carried) -> CarriedPoints:
         """Return what is carried at all points of all faults, by one message; collective."""
-        stacked = {
-            name: np.stack([getattr(points, each) for each in points.names()], axis=2)
-            for name, points in carried.points.items()
-        }
+        stacked = {name: np.stack(points, axis=2) for name, points in carried.points.items()}
         return CarriedPoints(*np.moveaxis(self._solver.jumps.gather(stacked), 2, 0))
 
     def _sizes(self, step: Step, jump: np.ndarray) -> tuple[float, float]:

@@ -45,7 +45,7 @@ class LoadedBodies:
 
     def __init__(self, equilibrium: Equilibrium, shear: slice, time: float) -> None:
         self._equilibrium, self._model = equilibrium, equilibrium.model
-        self.jumps, self._shear = Jumps(self._model), shear
+        self.jumps, self._normal = Jumps(self._model), ((0, 0), (shear.start, 0))
         jumps, faults = self.jumps, self._model.faults
         stuck = {
             fault.name: equilibrium.body_stiffness(fault.interface, None)[:, None, None] * np.eye(jumps.local)
@@ -87,14 +87,8 @@ class LoadedBodies:
         slip : ndarray, shape (points, tangents)
             [m]
         """
-        traction = self._by_jump @ loaded.ravel() - self._by_slip @ self._with_normal(slip).ravel()
+        traction = self._by_jump @ loaded.ravel() - self._by_slip @ np.pad(slip, self._normal).ravel()
         return np.asarray(traction.reshape(loaded.shape))
-
-    def _with_normal(self, slip: np.ndarray) -> np.ndarray:
-        """Return slip with a zero normal component where faults have one, shape (points, local)."""
-        whole = np.zeros((self.jumps.points, self.jumps.local))
-        whole[:, self._shear] = slip
-        return whole
 
     def loaded_jump(self, time: float) -> np.ndarray:
         """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
@@ -147,7 +141,7 @@ class LoadedBodies:
             On all ranks: bodies out of balance.
         """
         jumps = self.jumps
-        jump = self._with_normal(slip) + self._compliance * traction
+        jump = np.pad(slip, self._normal) + self._compliance * traction
         u = self._balanced(moved, time, traction - blockwise_product(self._stuck, jump - jumps.of(moved)))
         internal = jumps.force(traction, len(u)) - self._model.internal_force(u)
         self._require_balance(u, internal, time)

@@ -6,6 +6,7 @@ Source: Dormand and Prince (1980), J. Comput. Appl. Math. 6, 19, table 2.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,25 +24,24 @@ WEIGHTS = tuple(np.array(row) for row in (
 """Weights of the earlier stages in each; those of the last stage are the solution of order five."""
 ERROR = np.array([-71 / 57600, 0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40])
 """Solution of order four less that of order five."""
+Answer = TypeVar("Answer")
 MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
 
 
 def attempt(
-    slope: Callable[[float, np.ndarray], np.ndarray], start: np.ndarray, dt: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the end of a step and its absolute error.
+    slope: Callable[[float, np.ndarray], tuple[np.ndarray, Answer]], start: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray, Answer]:
+    """Return the end of a step, its absolute error, and the second value of `slope` at the end.
 
     Parameters
     ----------
-    slope : callable, (part of the step, y) -> dy/dt
-        The last call is for the end.
+    slope : callable, (part of the step, y) -> (dy/dt, Answer)
     """
     slopes = np.zeros((len(NODES), *start.shape))
-    y = start
     for stage, (part, weights) in enumerate(zip(NODES, WEIGHTS, strict=True)):
         y = start + dt * np.tensordot(weights, slopes[:stage], 1)
-        slopes[stage] = slope(part, y)
-    return y, np.abs(dt * np.tensordot(ERROR, slopes, 1))
+        slopes[stage], answer = slope(part, y)
+    return y, np.abs(dt * np.tensordot(ERROR, slopes, 1)), answer
 
 
 def shortened(dt: float, error: float) -> float:

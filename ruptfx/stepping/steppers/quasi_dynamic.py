@@ -119,12 +119,6 @@ class QuasiDynamicMotion(SlowMotion):
         variables = self._evolutions[fault.name].variables(fields)
         return np.pad(variables, ((0, 0), (0, self._states - variables.shape[1])))
 
-    def _agreed(self, values: np.ndarray) -> np.ndarray:
-        """Return the values of the first rank, as products differ in their last digits; collective."""
-        comm = self.model.comm
-        agreed: np.ndarray = values if comm.size == 1 else comm.bcast(values, root=0)
-        return agreed
-
     def step(self, state: State) -> None:
         """Make one step within the tolerance; collective.
 
@@ -169,22 +163,19 @@ class QuasiDynamicMotion(SlowMotion):
         """Return slip and state, tractions and slip rates at the end of a step, and the error over the tolerance."""
         loaded, later = self._bodies.loaded_jump(time), self._bodies.loaded_jump(time + dt)
         growth = (later - loaded) / dt  # loads are linear in time over a step
-        answer = np.zeros(0), np.zeros(0)  # at the last stage
 
-        def slope(part: float, y: np.ndarray) -> np.ndarray:
-            nonlocal answer
-            slopes, *at = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
-            answer = at[0], at[1]
+        def slope(part: float, y: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+            slopes, *answer = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
             if part == 0 and not np.isfinite(slopes).all():  # no step is short enough
                 parallel.raise_on_all(self.model.comm, self._unbalanced)
-            return slopes
+            return slopes, (answer[0], answer[1])
 
-        y, wrong = attempt(slope, start, dt)
+        y, wrong, answer = attempt(slope, start, dt)
         shear = y.shape[1] - self._states
         wrong[:, :shear] /= self._D_c[:, None]
         wrong[:, shear:] = self._of_all(lambda fault: self._errors(fault, time + dt, y, wrong, *answer))
-        error = float(self._agreed(wrong.max(initial=0.0))) / self._stepper.tolerance
-        return self._agreed(y), answer, error if np.isfinite(error) else np.inf
+        error = float(parallel.agreed(self.model.comm, wrong.max(initial=0.0))) / self._stepper.tolerance
+        return parallel.agreed(self.model.comm, y), answer, error if np.isfinite(error) else np.inf
 
     def _errors(
         self, fault: Fault, time: float, y: np.ndarray, wrong: np.ndarray, traction: np.ndarray, rate: np.ndarray
@@ -205,7 +196,7 @@ class QuasiDynamicMotion(SlowMotion):
         Shapes (points, tangents + states), (points, local) and (points, tangents); NaN without a rate, or on opening.
         """
         shear = y.shape[1] - self._states
-        traction = self._agreed(self._bodies.traction(loaded, y[:, :shear]))
+        traction = parallel.agreed(self.model.comm, self._bodies.traction(loaded, y[:, :shear]))
         result, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
