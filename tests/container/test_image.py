@@ -94,6 +94,7 @@ def test_suite_passes_inside(tests: str):
     # The checkout is read-only there: what tests keep goes to /tmp.
     setting = (
         "export HOME=/tmp XDG_CACHE_HOME=/compiled HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis "
+        "PYTHONPYCACHEPREFIX=/tmp/compiled PYTHONDONTWRITEBYTECODE= "
         "PYTEST_ADDOPTS='-p no:cacheprovider --durations=20 --durations-min=3'"
     )
     volumes = [f"--volume={ROOT}:/src:ro", f"--volume={COMPILED}:/compiled"]
