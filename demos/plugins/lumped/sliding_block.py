@@ -1,12 +1,12 @@
 """A block that friction stops."""
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import xarray
 from matplotlib.figure import Figure
 
-from ruptfx.plugin import LumpedModel, Positive, Progress, Speed, silent, variable
+from ruptfx.plugin import LumpedModel, Positive, Progress, Speed, Unit, silent, variable
 
 
 class SlidingBlock(LumpedModel):
@@ -17,12 +17,14 @@ class SlidingBlock(LumpedModel):
     """Speed at the start."""
     mu_d: Positive
     """Friction coefficient of the block."""
+    gravity: Annotated[Positive, Unit("m/s2")] = 9.81
+    """Acceleration of free fall."""
 
     def run(self, progress: Progress = silent) -> xarray.Dataset:
-        rest = self.speed / (self.mu_d * 9.81)
-        time = np.linspace(0.0, rest, 101)
-        way = self.speed * time * (1 - 0.5 * time / rest)
-        slip = variable("time", way, "m", "slip")
+        duration = self.speed / (self.mu_d * self.gravity)
+        time = np.linspace(0.0, duration, 101)
+        distance = self.speed * time * (1 - 0.5 * time / duration)
+        slip = variable("time", distance, "m", "slip")
         return xarray.Dataset({"slip": slip}, {"time": variable("time", time, "s", "time")})
 
     @staticmethod
