@@ -571,8 +571,7 @@ def loads_in_halves(table: Table, rng: np.random.Generator) -> Changed:
             half = _halved(each, (key,))
             entries.remove(each)
             entries += [half, copy.deepcopy(half)]
-    # Without inertia bodies rest between two equal loads; that is rounding.
-    return Changed(result, ignored=() if has_own_steps(table) else ("bulk.h5:velocity",))
+    return Changed(result)
 
 
 # -- another dimension, another half -----------------------------------------------------------------------------------
@@ -657,7 +656,10 @@ def the_other_sense(table: Table, rng: np.random.Generator) -> Changed:
 # -- the runs ----------------------------------------------------------------------------------------------------------
 
 
-OPEN: dict[tuple[str, str], str] = {}
+OPEN: dict[tuple[str, str], str] = {
+    ("rough_3d", name): "the coefficient at the start of an open point, which no strength has, is that under 1 Pa"
+    for name in ("longer", "slower", "heavier")
+}
 """Pairs that are known to differ, and why."""
 
 
@@ -712,5 +714,8 @@ def test_invariance(demo: str, name: str, original: Callable[[str, Base], Run], 
     changed.run(changed.case, tmp_path / "run")
     actual = changed.observed(read(tmp_path / "run", changed.case["plane"]))
     expected = changed.expected(original(demo, base))
-    lines = list(differences(expected, actual, changed.tolerance, lambda each: each.endswith(changed.ignored)))
+    # Without inertia bodies rest between two equal loads; that is rounding.
+    rest = ("bulk.h5:velocity",) if changed.case["stepper"]["kind"] == "quasi_static" else ()
+    ignored = (*changed.ignored, *rest)
+    lines = list(differences(expected, actual, changed.tolerance, lambda each: each.endswith(ignored)))
     assert not lines, "\n".join(lines)
