@@ -84,7 +84,7 @@ def _of_packages(known: Collection[str]) -> dict[str, Any]:
     for entry in entry_points(group="ruptfx.commands"):
         try:
             if entry.name in known:
-                raise ValueError("would hide the command that is there already")
+                raise ValueError("would hide the command that is there already; rename its entry point")
             module = entry.load()
             if getattr(module, entry.name).__doc__ is None or module.HEADING not in HEADINGS:
                 raise ValueError(f"needs a docstring, and a HEADING of {', '.join(HEADINGS)}")
