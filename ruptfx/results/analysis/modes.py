@@ -3,9 +3,9 @@
 Definitions
 -----------
 A point *slides* where its slip rate exceeds 2 % (`level`) of the speed of the driven boundary; without a
-driven boundary, of the median over the points that slid of their peak slip rate. Before that the slip rate is
-replaced by its median over three neighbouring points, so that a single noisy point neither makes nor splits a
-zone.
+driven boundary, of the median of the peak slip rates above `quiet`, in runs `output.rupture_threshold`. Before that
+the slip rate is replaced by its median over three neighbouring points, so that a single noisy point neither makes
+nor splits a zone.
 
 The *reach* is the longest run of neighbouring points that slid at some time; the *tip* at a given time is the
 far end of the run of points that slid by then. A *zone* is a run of sliding points; its ends are interpolated
