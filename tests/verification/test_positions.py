@@ -112,12 +112,15 @@ def test_a_patch_is_where_its_x_says(tmp_path: Any) -> None:
 
 
 def test_axes_say_where_an_arc_length_begins() -> None:
-    def label(**attrs: Any) -> str:
-        return along(SimpleNamespace(interface=SimpleNamespace(attrs=attrs)), 1e-3, "mm")  # type: ignore[arg-type]
+    def label(*others: str, **attrs: Any) -> str:
+        interfaces = {name: SimpleNamespace(attrs=attrs) for name in ("main", *others)}
+        record = SimpleNamespace(interface=interfaces["main"], interface_name="main", interfaces=interfaces)
+        return along(record, 1e-3, "mm")  # type: ignore[arg-type]
 
     origin = np.array([0.9e-3, -0.25e-3])
     assert label(position_measure="arc length", origin=origin) == "Arc length from (0.9, -0.25) (mm)"
     assert label() == "Position along the interface (mm)"  # of a run by version 0.1
+    assert label("branch", position_measure="x") == "x on main (mm)"
 
 
 @pytest.mark.parametrize(
