@@ -55,7 +55,7 @@ NUMBER = [
     [Box("case/__init__.py: read_case, friction", "the table [faults.main.friction]")],
     [Box("input/schema.py: alternative, Unit, read", "`kind` chooses the class, text becomes SI: 1e-5 m")],
     [Box("laws/friction/_slip_weakening.py: D_c", "field of the law, with unit and bound; number or profile")],
-    [Box("run/model.py: _fault, friction", "law.at(points): profiles become arrays, one value per point")],
+    [Box("run/faults.py: make_fault, friction", "law.at(points): profiles become arrays, one value per point")],
     [Box("interfaces/faults/projection.py: TracedLaw, parameters_as_symbols",
          "the formula runs once with the symbol p_D_c; the value is kept beside it")],
     [Box("interfaces/faults/point_code.py: PointCode, numbers, fixed",
