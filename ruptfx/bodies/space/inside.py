@@ -80,7 +80,7 @@ class Inside:
         boxes: CellBoxes | None = None, first: bool = False,
     ) -> None:  # fmt: skip
         self.model = model
-        names, report = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
+        names, position = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
         if body is not None and body not in names:
             raise CaseError(f"{key}.body = '{body}': no such body, {nearest(body, names)}")
         inside = self._find(np.array(point, dtype=float), boxes or CellBoxes.of(model))
@@ -96,14 +96,14 @@ class Inside:
             low, high = np.where(np.abs(ends) < rounding, 0.0, ends).T
             ranges = ", ".join(f"{axis} from {x:.6g} to {y:.6g}" for axis, x, y in zip("xyz", low, high, strict=False))
             raise CaseError(
-                f"{key}.{field} = {report}: is not inside of {body}; move it; the bodies are within {ranges} m"
+                f"{key}.{field} = {position}: is not inside of {body}; move it; the bodies are within {ranges} m"
             )
         if first:
             holders = holders[holders == holders.min()]
             items = [item for item in items if item[0] == holders[0]]
         if len(set(holders.tolist())) > 1:
             there = " and ".join(f"'{names[number]}'" for number in sorted(set(holders.tolist())))
-            raise CaseError(f"{key}.{field} = {report}: {there} meet there; say in which it is with body")
+            raise CaseError(f"{key}.{field} = {position}: {there} meet there; say in which it is with body")
         self.body = int(holders[0])
         self._cells = [(nodes, shape / len(holders)) for _, _, nodes, shape in items]
         self.functions = {cell: shape[0] / len(holders) for _, cell, _, shape in items}

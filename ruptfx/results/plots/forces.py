@@ -50,7 +50,7 @@ def forces(
     panels = dict(zip(wanted, axes, strict=True))
     t_size, t_unit = sheet.scale("time", time, "s")
     window = (time[-1] - time[0]) / 200 if window is None else window
-    report = _forces(sheet, panels["forces"], record, window, t_size) if "forces" in panels else ()
+    remarks = _forces(sheet, panels["forces"], record, window, t_size) if "forces" in panels else ()
     if "states" in panels:
         below = panels["states"]
         below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
@@ -58,7 +58,7 @@ def forces(
         explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     axes[-1].set(xlabel=f"Time ({t_unit})", xlim=(time[0] / t_size, time[-1] / t_size))
     sheet.letter(axes)
-    sheet.remark(*report)
+    sheet.remark(*remarks)
 
 
 def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float) -> tuple[str, ...]:

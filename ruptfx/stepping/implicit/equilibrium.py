@@ -308,15 +308,15 @@ class Equilibrium(Terms):
         size = np.where(np.isfinite(size), size, np.inf)
         worst = int(np.argmax(size)) if len(size) else 0
         node = worst // model.components
-        report = "(" + ", ".join(f"{value:.6g}" for value in model.coordinates[node]) + ") m"
+        place = "(" + ", ".join(f"{value:.6g}" for value in model.coordinates[node]) + ") m"
         for fault in model.faults:
             face = fault.interface
             for point in np.flatnonzero((face.plus == node) | (face.minus == node)):
-                report += f", point {face.number[point]} of fault '{fault.name}'"
+                place += f", point {face.number[point]} of fault '{fault.name}'"
         if step.error:
-            report = str(step.error)
+            place = str(step.error)
         # A point whose law failed comes first, then the largest residual.
-        result = model.comm.allgather((step.error is not None, float(size.max(initial=0.0)), report))
+        result = model.comm.allgather((step.error is not None, float(size.max(initial=0.0)), place))
         history = ", ".join(f"{value:.3g}" for value in residuals[-12:])
         reason = solver.reason if outer < MAX_OUTER else f"tractions still change after {outer} outer iterations"
         return ConvergenceError(
