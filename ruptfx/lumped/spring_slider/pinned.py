@@ -94,7 +94,7 @@ class FrequencyResponse(Experiment):
     loss_tangent: Annotated[float, Field(gt=0, lt=1)] = 0.05
     """tan delta of the interface, the same at all frequencies."""
     samples: Samples = 4000
-    """Frequencies."""
+    """Number of frequencies."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         _need_elastic_interface(slider)
