@@ -117,6 +117,11 @@ def has_own_steps(table: Table) -> bool:
     return table["stepper"]["kind"] not in ("hybrid", "quasi_static")
 
 
+def watched(table: Table) -> float:
+    """Tolerance of runs whose bodies are asked for more often: slow steps leave them out between, to rounding."""
+    return 1e-6 if table["stepper"]["kind"] in ("hybrid", "quasi_static") else 0.0
+
+
 def scales_with_keys(table: Table) -> bool:
     """The mesh is that of the keys; Gmsh makes another one of other lengths, and reads those of a file."""
     mesh = table["mesh"].get("section", table["mesh"])
@@ -346,14 +351,15 @@ def more_instruments(table: Table, rng: np.random.Generator) -> Changed:
     result.setdefault("instruments", []).append(
         {"kind": "load_cell", "name": "added", "edge": edges[0], "interval": table["duration"] / 7}
     )
-    return Changed(result, tolerance=0.0, observed=lambda run: {k: v for k, v in run.items() if ":added/" not in k})
+    kept = lambda run: {k: v for k, v in run.items() if ":added/" not in k}  # noqa: E731
+    return Changed(result, tolerance=watched(table), observed=kept)
 
 
 @transformation()
 def more_checkpoints(table: Table, rng: np.random.Generator) -> Changed:
     result = copy.deepcopy(table)
     result["output"] |= {"checkpoint_steps": 3}
-    return Changed(result, tolerance=0.0)
+    return Changed(result, tolerance=watched(table))
 
 
 # -- a run in parts ----------------------------------------------------------------------------------------------------
@@ -364,7 +370,7 @@ def stopped_and_resumed(table: Table, rng: np.random.Generator) -> Changed:
     """A run that is stopped after some steps goes on from its checkpoint."""
     result = copy.deepcopy(table)
     result["output"] |= {"checkpoint_steps": int(rng.integers(2, 5))}
-    return Changed(result, tolerance=0.0, run=_in_two)
+    return Changed(result, tolerance=watched(table), run=_in_two)
 
 
 def _in_two(table: Table, out: Path) -> None:
