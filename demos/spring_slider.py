@@ -130,10 +130,8 @@ for eps, change, K_c in zip(load.eps.values, load.mean_change.values, load.K_c_l
 # A friction trace with the columns time, drive_speed and friction is fitted; here a noisy one from the model itself.
 
 # %%
-fine = simulate(
-    parse_case({**base, "experiment": {"kind": "velocity_steps", "distance": 5e-6, "samples": 200}}), out / "trace",
-    overwrite=True,
-)
+steps = {"kind": "velocity_steps", "distance": 5e-6, "samples": 200}
+fine = simulate(parse_case({**base, "experiment": steps}), out / "trace", overwrite=True)
 # The first sample of a segment repeats the time of the last of the one before.
 keep = np.append(np.diff(fine.time.values) > 0, True)
 noisy = fine.friction.values + 1e-3 * np.random.default_rng(0).standard_normal(fine.sizes["sample"])

@@ -129,7 +129,7 @@ def test_the_command_writes_pictures_and_both_files(run: Path, tmp_path: Path) -
     for options, said in (
         ((), "it has several cameras; give --camera polariscope_0 or speckles_1"),
         (("--camera", "polariscope"), "did you mean 'polariscope_0'"),
-        (("--camera", "{ kind = 1"), "not a table of TOML"),
+        (("--camera", "{ kind = 1"), "--camera { kind = 1: not valid TOML"),
         (("--camera", inline.replace("pixel", "pixl")), "unknown key 'pixl'"),
     ):
         done = film(*options)
