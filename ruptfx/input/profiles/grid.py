@@ -60,7 +60,7 @@ class Grid(Profile):
             if len(x) and not grid[0] - slack <= x.min() <= x.max() <= grid[-1] + slack:
                 raise CaseError(
                     f"{self.file}: {name} from {grid[0]:.6g} to {grid[-1]:.6g} m does not cover the body, which has "
-                    f"points from {at_most(x.min())} to {at_least(x.max())} m; extend the grid"
+                    f"points from {at_most(x.min() + slack)} to {at_least(x.max() - slack)} m; extend the grid"
                 )
             columns.append(np.clip(x, grid[0], grid[-1]))
         return np.asarray(RegularGridInterpolator(axes, values, method=self.interpolation)(np.stack(columns, axis=1)))

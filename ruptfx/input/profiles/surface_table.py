@@ -67,7 +67,7 @@ class SurfaceTable(Profile):
             if len(values) and not grid[0] - slack <= values.min() <= values.max() <= grid[-1] + slack:
                 raise CaseError(
                     f"the table has {name} from {grid[0]:.6g} to {grid[-1]:.6g} m, and the surface has points from "
-                    f"{at_most(values.min())} to {at_least(values.max())} m; add to the table"
+                    f"{at_most(values.min() + slack)} to {at_least(values.max() - slack)} m; add to the table"
                 )
             inside = np.clip(values, grid[0], grid[-1])
             cell = np.clip(np.searchsorted(grid, inside, side="right") - 1, 0, len(grid) - 2)

@@ -58,10 +58,11 @@ class Table(Profile):
         first, last = self.positions[0], self.positions[-1]
         slack = 1e-9 * (last - first)  # rounding of coordinates
         if not self.extend and len(position) and not first - slack <= position.min() <= position.max() <= last + slack:
+            low, high = at_most(position.min() + slack), at_least(position.max() - slack)
             raise CaseError(
                 f"the table from {first:.6g} to {last:.6g} m does not cover the interface or body, which has "
-                f"points from {at_most(position.min())} to {at_least(position.max())} m; add to the table, or set "
-                "extend = true to go on with its first and last value"
+                f"points from {low} to {high} m; add to the table, or set extend = true to go on with its first and "
+                "last value"
             )
         if self.interpolation == "cubic":
             from scipy.interpolate import CubicSpline
