@@ -134,3 +134,21 @@ def test_the_target_is_part_of_what_is_cached(
     monkeypatch.setenv("RUPTFX_MARCH", "abacus")
     with pytest.raises(RuptfxError, match=r"RUPTFX_MARCH = 'abacus'"):
         native.load("seen", seen)
+
+
+def test_code_that_crashes_a_compiler_is_optimised_less(
+    tmp_path: Path, use: Callable[[Path], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The compiler here crashes on -O3 alone; one that always crashes is an error."""
+    real, crash = " ".join(native.find_compiler()), "echo 'internal compiler error: in isel' >&2; exit 4"
+    script = tmp_path / "cc"
+    for last, works in (("-O2", True), ("-O1", False)):
+        use(tmp_path / last)
+        script.write_text(f'#!/bin/sh\ncase "$*" in *{last}|--version) exec {real} "$@";; esac\n{crash}\n')
+        script.chmod(0o700)
+        monkeypatch.setenv("CC", str(script))
+        if works:
+            assert native.load("seven", SEVEN).number() == 7
+        else:
+            with pytest.raises(RuptfxError, match=facts("cc cannot compile seven.c: .*isel")):
+                native.load("seven", SEVEN)

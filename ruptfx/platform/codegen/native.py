@@ -179,6 +179,8 @@ def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
         for machine, libraries in ((m, li) for m in choices for li in (("-lmvec", "-lm"), ("-lm",))):
             command = [*compiler, *FLAGS, *machine, str(source), "-o", str(built), *libraries]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if "internal compiler error" in done.stderr:  # gcc 12 crashes on vectors of comparisons before SSE 4.1
+                done = subprocess.run([*command, "-O2"], capture_output=True, text=True, check=False)
             if done.returncode == 0:
                 break
             refusals.append(done.stderr.strip())
