@@ -32,6 +32,7 @@ def use(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Path], Path]]:
 
     yield use
     native.cache_directory.cache_clear()
+    native.find_compiler.cache_clear()
 
 
 def compiled(folder: Path) -> Path:
@@ -147,6 +148,7 @@ def test_code_that_crashes_a_compiler_is_optimised_less(
         script.write_text(f'#!/bin/sh\ncase "$*" in *{last}|--version) exec {real} "$@";; esac\n{crash}\n')
         script.chmod(0o700)
         monkeypatch.setenv("CC", str(script))
+        native.find_compiler.cache_clear()
         if works:
             assert native.load("seven", SEVEN).number() == 7
         else:
