@@ -48,7 +48,10 @@ ranks: env
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
 # Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
-SLOW = $(filter-out tests/contracts/test_bench_figures.py,$(shell grep -rl 'mark\.slow' tests --include='test_*.py'))
+# The longest tests come first: the other process would wait for them at the end.
+LONGEST := tests/unit/test_design.py
+SLOW = $(LONGEST) $(filter-out $(LONGEST) tests/contracts/test_bench_figures.py, \
+    $(shell grep -rl 'mark\.slow' tests --include='test_*.py'))
 verify: verified every-key slow ## exact solutions, other codes, kills and faults, 1 to 3 ranks, every key, and what takes minutes
 
 verified: env
