@@ -69,7 +69,7 @@ def test_commands_show_the_interface_of_a_choice(tmp_path: Path) -> None:
         assert result.exit_code == 0, result.output
         assert {path.name for path in (run / "figures").iterdir()} >= {made}
     assert not (run / "figures" / "space_time.png").exists()
-    for command in (["plot", str(run)], ["compare", str(run), str(run)]):
+    for command in (["plot", str(run)], ["compare", str(run), str(run), "--out", str(tmp_path / "both.png")]):
         result = CliRunner().invoke(app, [*command, "--interface", "branhc"])
         assert result.exit_code == 1 and "branch" in result.output
 

@@ -311,5 +311,6 @@ def test_a_surface_and_a_line_are_not_compared(tmp_path: Path) -> None:
     flat = synthetic.write_run(tmp_path / "flat", synthetic.crack(time, position), time, position)
     solid = synthetic.write_surface_run(tmp_path / "solid")
     for pair in ((flat, solid), (solid, flat)):
-        result = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["compare", *map(str, pair)])
+        command = ["compare", *map(str, pair), "--out", str(tmp_path / "both.png")]
+        result = CliRunner(env={"COLUMNS": "200"}).invoke(app, command)
         assert result.exit_code == 1 and says("compare runs of the same dimension", " ".join(result.output.split()))

@@ -86,7 +86,13 @@ WRITTEN: dict[str, tuple[str, dict[str, Any]]] = {
 @pytest.mark.parametrize("how", WRITTEN)
 def test_every_format_with_names(how: str, tmp_path: Path) -> None:
     name, options = WRITTEN[how]
-    assert_plates(build(write(tmp_path / name, **options)))
+    try:
+        path = write(tmp_path / name, **options)
+    except Exception as error:
+        if f"compiled with {how} support" in str(error):
+            pytest.skip(f"this Gmsh has no {how}")
+        raise
+    assert_plates(build(path))
 
 
 @pytest.mark.parametrize("version", [1.0, 2.2, 4.0, 4.1])

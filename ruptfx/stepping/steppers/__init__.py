@@ -128,7 +128,6 @@ class Stepper(Alternative):
                 offered = vars(cls)[flag] != (flag == "elastic_contact_only")
                 now = f"Stepper.offers {'|' if offered else '-'} {{'{capability}'}}"
                 warn_of_former(f"of {cls.__name__} the flag", flag, now)
-                cls.__annotations__[flag] = ClassVar[bool]  # no field, as pydantic would say of it
                 cls.offers = cls.offers | {capability} if offered else cls.offers - {capability}
 
     def fixed(self, model: System) -> Self:
@@ -145,6 +144,9 @@ class Stepper(Alternative):
         """
         raise NotImplementedError
 
+
+# Classes that still set them have no fields of these names, which pydantic would ask for their types.
+Stepper.__class_vars__.update({*Stepper.former_flags, *Stepper.former_attributes})
 
 if TYPE_CHECKING:
     AnyStepper = Stepper
