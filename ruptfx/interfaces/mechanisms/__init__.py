@@ -111,7 +111,7 @@ class Reaction:
 
 
 class Acting:
-    """What all contracts of a mechanism know: the model.
+    """Base of the contracts of a mechanism, which holds the model.
 
     Parameters
     ----------

@@ -11,7 +11,6 @@ import xarray
 from pydantic import Field
 from scipy.signal import find_peaks
 
-from ruptfx import RuptfxError
 from ruptfx.input.schema import Unit
 from ruptfx.input.units import Positive, Speed
 from ruptfx.lumped import Progress, variable
@@ -39,8 +38,7 @@ class StickSlip(Experiment):
     """Samples of a stretch of the motion, in which some ten cycles can be expected."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
-        if slider.mass == 0:
-            raise RuptfxError("mass = 0: beyond K_c a quasi-static slider runs away; give mass (normal_force / 9.81)")
+        slider.need_mass()
         forces = self.normal_forces or [slider.normal_force]
         stiffnesses = self.stiffnesses or [float(slider.stiffness)]
         shape = (len(forces), len(stiffnesses), len(self.speeds))

@@ -13,12 +13,12 @@ belongs to velocities that differ by less than any tolerance.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.integrate import LSODA, Radau, solve_ivp
+from scipy.integrate import LSODA, OdeSolver, Radau, solve_ivp
 from scipy.optimize import brentq
 from scipy.sparse import identity, kron
 
@@ -55,6 +55,16 @@ class Slider:
     stiffness: Any
     mass: float = 0.0
     interface_length: float = 0.0
+
+    def need_mass(self) -> None:
+        """Refuse a slider without mass, which has no stick-slip.
+
+        Raises
+        ------
+        RuptfxError
+        """
+        if self.mass == 0:
+            raise RuptfxError("mass = 0: beyond K_c a quasi-static slider runs away; give mass (normal_force / 9.81)")
 
     def with_stiffness(self, stiffness: object) -> Slider:
         return replace(self, stiffness=stiffness)
@@ -148,60 +158,80 @@ def integrate(
     speed = drive if callable(drive) else (lambda time: drive)
     weight = load if callable(load) else (lambda time: load)
     scale = slider.scales(max(abs(float(np.asarray(speed(times[0])))), float(slider.law.V_0) * 1e-3))
-    y = np.empty((slider.size, len(times)))
-    y[:, 0] = start
-    begin, state, done, methods = times[0], start / scale, 1, [LSODA, Radau]
     if times[-1] == times[0]:
-        raise RuptfxError(f"the slider's motion stops at t = {begin:.6g} s: slow the drive down")
-    renewals = 0  # since the last sample
+        raise RuptfxError(f"the slider's motion stops at t = {times[0]:.6g} s: slow the drive down")
+    y = np.empty((slider.size, len(times)))
+    y[:, 0], done = start, 1
     with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what goes wrong is seen, and raised, below
-        while done < len(times):
-            rates = _ScaledRates(slider, scale, speed, weight, begin)
-            solver = methods[0](rates, 0.0, state, times[-1] - begin, max_step=longest_step, rtol=rtol, atol=rtol)
-            message, passed = None, 0.0
-            while done < len(times):
-                message = solver.step()
-                if message is not None or not np.isfinite(solver.y).all():
-                    message = message or "a rate is not a number."
-                    break
-                passed, state = solver.t, solver.y.copy()
-                rate = abs(float(slider.slip_rate(solver.y * scale, weight(begin + solver.t))))
-                if stop_at is not None and rate >= stop_at:
-                    times, y = times[:done], y[:, :done]
-                    break
-                if slider.mass == 0 and rate > RUNAWAY:
-                    raise RuptfxError(
-                        f"the slider runs away: {RUNAWAY:g} m/s at t = {begin + solver.t:.6g} s without inertia to "
-                        "hold it back; give it a mass, or a spring stiffer than K_c"
-                    )
-                reached = int(np.searchsorted(times, begin + solver.t, side="right"))
-                reached = len(times) if solver.status == "finished" else reached
-                if reached > done:
-                    y[:, done:reached] = solver.dense_output()(times[done:reached] - begin) * scale[:, None]
-                    done, renewals = reached, 0
-                if solver.t - solver.t_old < SHORT * solver.t:
-                    break  # a slip ends within less than the spacing of late times: go on from zero
-            begin, renewals = begin + passed, renewals + 1
-            if passed > 0 and renewals < MOST_RENEWALS:
-                continue
-            if len(methods) > 1:
-                del methods[0]
-                renewals = 0  # where a trial step of the first overflows, the second takes a shorter one
-            else:
-                remedy = "give it a mass or a stiffer spring" if slider.mass == 0 else "change the drive less abruptly"
-                raise RuptfxError(f"the slider's motion stops at t = {begin:.6g} s: {message} {remedy}")
+        warnings.simplefilter("ignore")  # what goes wrong is seen, and raised, in the steps
+        rates = _ScaledRates(slider, scale, speed, weight)
+        for begin, solver in _steps(rates, start / scale, times, longest_step, rtol):
+            now = begin + solver.t
+            rate = abs(float(slider.slip_rate(solver.y * scale, weight(now))))
+            if stop_at is not None and rate >= stop_at:
+                break
+            if slider.mass == 0 and rate > RUNAWAY:
+                raise RuptfxError(
+                    f"the slider runs away: {RUNAWAY:g} m/s at t = {now:.6g} s without inertia to hold it back; give "
+                    "it a mass, or a spring stiffer than K_c"
+                )
+            reached = len(times) if solver.status == "finished" else int(np.searchsorted(times, now, side="right"))
+            if reached > done:
+                y[:, done:reached] = solver.dense_output()(times[done:reached] - begin) * scale[:, None]
+                done = reached
+    times, y = times[:done], y[:, :done]
     weights = np.array([weight(t) for t in times])
     return Trajectory(times, y, slider.force(y, weights) / slider.normal_force, slider.slip_rate(y, weights))
+
+
+def _steps(
+    rates: _ScaledRates, state: np.ndarray, times: np.ndarray, longest_step: float, rtol: float
+) -> Iterator[tuple[float, OdeSolver]]:
+    """Yield after every step the time from which the solver counts its own [s], and the solver.
+
+    The end of a slip is shorter than the spacing of late times: a solver begins again there, with a time from zero.
+    """
+    begin, methods, renewals, sampled = times[0], [LSODA, Radau], 0, 1
+    while True:
+        rates.begin_at(begin)
+        solver = methods[0](rates, 0.0, state, times[-1] - begin, max_step=longest_step, rtol=rtol, atol=rtol)
+        message, passed = None, 0.0
+        while message is None:
+            message = solver.step()
+            if message is not None or not np.isfinite(solver.y).all():
+                message = message or "a rate is not a number."
+                break
+            passed, state = solver.t, solver.y.copy()
+            yield begin, solver
+            before, sampled = sampled, int(np.searchsorted(times, begin + passed, side="right"))
+            renewals = 0 if sampled > before else renewals
+            if solver.status == "finished" or sampled == len(times):
+                return
+            if solver.t - solver.t_old < SHORT * solver.t:
+                break
+        begin, renewals = begin + passed, renewals + 1
+        if passed > 0 and renewals < MOST_RENEWALS:
+            continue
+        if len(methods) == 1:
+            quick = "change the drive less abruptly"
+            remedy = quick if rates.slider.mass else "give it a mass or a stiffer spring"
+            raise RuptfxError(f"the slider's motion stops at t = {begin:.6g} s: {message} {remedy}")
+        del methods[0]  # where a trial step of the first overflows, the second takes a shorter one
+        renewals = 0
 
 
 class _ScaledRates:
     """Rates of the scaled variables at a time from `begin` on, which notice that a solver does not get on."""
 
-    def __init__(self, slider: Slider, scale: np.ndarray, speed: Callable[[float], Any], weight: Callable[[float], Any],
-                 begin: float) -> None:  # fmt: skip
-        self.slider, self.scale, self.speed, self.weight, self.begin = slider, scale, speed, weight, begin
-        self.last, self.calls = -np.inf, 0
+    def __init__(
+        self, slider: Slider, scale: np.ndarray, speed: Callable[[float], Any], weight: Callable[[float], Any]
+    ) -> None:
+        self.slider, self.scale, self.speed, self.weight = slider, scale, speed, weight
+        self.begin_at(0.0)
+
+    def begin_at(self, time: float) -> None:
+        """Count the times of a solver from a time on [s]."""
+        self.begin, self.last, self.calls = time, -np.inf, 0
 
     def __call__(self, time: float, z: np.ndarray) -> np.ndarray:
         same = abs(time - self.last) <= 4 * np.finfo(float).eps * abs(time)

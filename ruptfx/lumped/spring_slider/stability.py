@@ -94,8 +94,7 @@ class Bifurcation(Experiment):
     """Of each stiffness."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
-        if slider.mass == 0:
-            raise RuptfxError("mass = 0: beyond K_c a quasi-static slider runs away; give mass (normal_force / 9.81)")
+        slider.need_mass()
         critical, omega = critical_stiffness(slider, self.speed)
         if not critical:
             raise RuptfxError(

@@ -45,7 +45,7 @@ BASE, SINCE, BEFORE = "deferred_base", "deferred_since", "deferred_before"
 
 
 class CarriedPoints(NamedTuple):
-    """What steps on the interfaces carry at points, shape (points, local).
+    """Values at the points of an interface that one step hands to the next, shape (points, local).
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class CarriedPoints(NamedTuple):
 
 @dataclass
 class Carried:
-    """What steps on the interfaces carry from one to the next.
+    """State that one step on the interfaces hands to the next.
 
     Attributes
     ----------
