@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import re
 import resource
 from collections.abc import Callable
@@ -14,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
+from helpers.damaged import damaged
 from helpers.messages import facts
 from pydantic import ValidationError
 
@@ -62,15 +62,9 @@ def test_damaged_files_are_read_or_refused(kind: str, tmp_path: Path) -> None:
     """400 files with wrong bytes, or cut off: no other error than that of a file which cannot be read."""
     read, write = KINDS[kind]
     write(tmp_path / "whole.nc")
-    whole, path, rng = (tmp_path / "whole.nc").read_bytes(), tmp_path / "wrong.nc", random.Random(5)
-    count = 0
-    for number in range(400):
-        content = bytearray(whole)
-        for _ in range(rng.randint(0, 4)):
-            content[rng.randrange(len(content))] = rng.randrange(256)
-        path.write_bytes(content[: rng.randrange(len(content))] if number % 5 == 0 else content)
-        if number % 50 == 0:
-            path.write_bytes(rng.randbytes(300))
+    path, count = tmp_path / "wrong.nc", 0
+    for content in damaged((tmp_path / "whole.nc").read_bytes(), 400, 4, seed=5):
+        path.write_bytes(content)
         try:
             read(path)
             count += 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
+from helpers.damaged import damaged
 from helpers.messages import facts
 from helpers.small_cases import plates
 
@@ -81,15 +81,9 @@ def test_pipes_are_refused_at_once(tmp_path: Path) -> None:
 
 def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
     """500 files with wrong bytes, or cut off: no other error than that of a file which cannot be read."""
-    whole, path, rng = written(tmp_path / "m.nc").read_bytes(), tmp_path / "wrong.nc", random.Random(3)
-    count = 0
-    for number in range(500):
-        content = bytearray(whole)
-        for _ in range(rng.randint(0, 3)):
-            content[rng.randrange(len(content))] = rng.randrange(256)
-        path.write_bytes(content[: rng.randrange(len(content))] if number % 5 == 0 else content)
-        if number % 50 == 0:
-            path.write_bytes(rng.randbytes(300))
+    path, count = tmp_path / "wrong.nc", 0
+    for content in damaged(written(tmp_path / "m.nc").read_bytes(), 500, 3, seed=3):
+        path.write_bytes(content)
         try:
             assert read_grid(path, "rho", "xyz", "kg/m3").values.shape == (3, 2)
             count += 1
