@@ -131,14 +131,16 @@ class Files:
             raise RecordError(f"from {part.since:g} to {part.until:g} s: give an earlier and a later time")
         return part
 
-    def on(self, interface: str) -> Self:
-        """Return the record whose `interface` and `forces` are of the one of this name, for its figures.
+    def on(self, interface: str | None) -> Self:
+        """Return the record whose `interface` and `forces` are of the one of this name; itself without a name.
 
         Raises
         ------
         RecordError
             There is none of this name.
         """
+        if not interface:
+            return self
         if interface not in self.interfaces:
             from ruptfx.input.schema import nearest  # loads pydantic
 

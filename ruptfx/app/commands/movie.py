@@ -51,7 +51,7 @@ def movie(
         from ruptfx.results.record import Record
 
         path = out or run / "figures" / f"{what}{f'_{interface}' if interface else ''}.{format_}"
-        with Record(run) as whole, whole.on(interface) if interface else whole as record, \
+        with Record(run) as run_record, run_record.on(interface) as record, \
                 writing(path.parent, overwrite=overwrite) as files, Progress() as bar:  # fmt: skip
             count = movies.save(record, what, files.claim(path.name), rate, frames, bar.update)
         screen.print(f"{path}, {count} frames", soft_wrap=True)

@@ -90,7 +90,7 @@ def plot(
             if name not in plots.FIGURES:
                 raise RuptfxError(f"--figure {name}: {nearest(name, list(plots.FIGURES))}")
         first, last = seconds("--from", since), seconds("--to", until)
-        with Files(run, trust) as whole, whole.on(interface) if interface else whole as record, \
+        with Files(run, trust) as run_files, run_files.on(interface) as record, \
                 record.between(first, last) as part:  # fmt: skip
             for name in figure or []:
                 if not plots.suits(name, part):
