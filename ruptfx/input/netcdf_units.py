@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -58,10 +58,10 @@ def opened(path: Path) -> Iterator[h5netcdf.File]:
     import h5netcdf
     import h5py
 
-    with _readable(path):
-        with h5py.File(path, "r") as raw:
-            raw.attrs.get("_nc3_strict")  # first: h5netcdf prints a traceback where it cannot read this
-        with h5netcdf.File(path, "r") as file:
+    # HDF5 gives the old content to who opens a file once more: it is closed whatever fails.
+    with _readable(path), h5py.File(path, "r", locking=False) as raw:
+        raw.attrs.get("_nc3_strict")  # first: h5netcdf prints a traceback where it cannot read this
+        with h5netcdf.File(raw, "r") as file:
             yield file
 
 
@@ -76,13 +76,15 @@ def _opened_grid(path: Path, variable: str | None) -> Iterator[xarray.DataArray]
     import h5py
     import xarray
 
-    with _readable(path):
-        if h5py.is_hdf5(path):  # coordinates are read when the file is opened
-            with h5py.File(path, "r", locking=False) as file:
-                for name, item in file.items():
-                    if isinstance(item, h5py.Dataset) and (item.ndim == 1 or name == variable):
-                        require_size(path, name, item.shape)
-        with xarray.open_dataset(path, decode_times=False, decode_timedelta=False) as data:
+    with _readable(path), ExitStack() as stack:
+        source: Any = path
+        if h5py.is_hdf5(path):
+            file = stack.enter_context(opened(path))
+            for name, item in file.variables.items():  # coordinates are read when xarray opens the file
+                if item.ndim == 1 or name == variable:
+                    require_size(path, name, item.shape)
+            source = xarray.backends.H5NetCDFStore(file)
+        with xarray.open_dataset(source, decode_times=False, decode_timedelta=False) as data:
             names = [str(name) for name in data.data_vars]
             if variable is None and len(names) == 1:
                 variable = names[0]
