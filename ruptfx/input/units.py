@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     VaryingHeight = Varying
     VaryingSpeed = Varying
     VaryingVelocity = Varying
+    VaryingSquaredSpeed = Varying
     VaryingTime = Varying
     VaryingDelay = Varying
     VaryingInstant = Varying
@@ -96,6 +97,7 @@ else:
     VaryingHeight = varying(float, "m")
     VaryingSpeed = varying(Positive, "m/s")
     VaryingVelocity = varying(NonNegative, "m/s")
+    VaryingSquaredSpeed = varying(Positive, "m2/s2")
     VaryingTime = varying(Positive, "s")
     VaryingDelay = varying(NonNegative, "s")
     VaryingInstant = varying(float, "s")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.messages import facts
 
 from ruptfx.input.profiles.cone import Cone
+from ruptfx.input.schema import CaseError
 from ruptfx.laws.friction import FrictionLaw
 from ruptfx.laws.friction.cohesion import Cohesion
 from ruptfx.laws.friction.coulomb import Coulomb
@@ -19,6 +21,7 @@ from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.laws.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
 from ruptfx.laws.friction.roughness_drag import RoughnessDrag
 from ruptfx.laws.friction.time_weakening import TimeWeakening
+from ruptfx.laws.friction.velocity_weakening import VelocityWeakening
 from ruptfx.laws.nucleation.forced_rupture import ForcedRupture
 from ruptfx.laws.nucleation.friction_drop import FrictionDrop
 
@@ -43,6 +46,25 @@ def test_any_two_give_the_third(law: RateAndStateAgeing, V: float, tau: float) -
     # d ln V = d tau / (a sigma): 1e-14 of tau is 1e-12 of V.
     assert law.carried_slip_rate(tau * ONE, sigma, state)[0] == pytest.approx(V, rel=1e-11)
     assert law.strength(V * ONE, sigma, state)[0] == pytest.approx(tau, rel=1e-13)
+
+
+def test_one_omega_for_several_static_coefficients() -> None:
+    """At 0.5 m/s and omega 0.1: V_w = sqrt(0.1 / (mu_s - 0.7)) is infinite, 0.8165 and 0.57735 m/s.
+
+    0.7 + 0.15 exp(-0.612372) = 0.781309 and 0.7 + 0.3 exp(-0.866025) = 0.826187.
+    """
+    law = VelocityWeakening(mu_s=0.85, mu_d=0.7, omega=0.1).substituted({"mu_s": np.array([0.7, 0.85, 1.0])})
+    np.testing.assert_allclose(law.strength(0.5, np.ones(3), {}), [0.7, 0.781309, 0.826187], atol=1e-6)
+    np.testing.assert_array_equal(law.strength(0.0, np.ones(3), {}), [0.7, 0.85, 1.0])
+
+
+@pytest.mark.parametrize(("keys", "message"), [
+    ({}, "neither V_w nor omega"), ({"V_w": 0.1, "omega": 0.1}, "both V_w and omega"),
+    ({"mu_s": 0.65, "omega": 0.1}, "VelocityWeakening.omega: mu_s - mu_d is -0.05 .* 0 or more.* V_w"),
+])  # fmt: skip
+def test_omega_replaces_the_slip_rate(keys: dict[str, float], message: str) -> None:
+    with pytest.raises(CaseError, match=facts(message)):
+        VelocityWeakening(**{"mu_s": 0.8, "mu_d": 0.7, **keys}).at(np.zeros(1))
 
 
 def test_roughness_drag_grows_with_slip() -> None:
