@@ -662,13 +662,6 @@ def the_other_sense(table: Table, rng: np.random.Generator) -> Changed:
 # -- the runs ----------------------------------------------------------------------------------------------------------
 
 
-OPEN: dict[tuple[str, str], str] = {
-    ("rough_3d", name): "the coefficient at the start of an open point, which no strength has, is that under 1 Pa"
-    for name in ("longer", "slower", "heavier")
-}
-"""Pairs that are known to differ, and why."""
-
-
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Base], Run]:
     """The run of a coarse demo, or of a case made of it, made once."""
@@ -706,8 +699,6 @@ def _pairs() -> list[Any]:
     result = []
     for pair in pairs:
         marks = [] if pair in default else [pytest.mark.slow if pair in slow else pytest.mark.pairs]
-        if pair in OPEN:
-            marks.append(pytest.mark.xfail(reason=OPEN[pair], strict=True))
         result.append(pytest.param(*pair, marks=marks, id="-".join(pair)))
     return result
 

@@ -52,6 +52,24 @@ def test_without_an_impact_points_count_from_the_threshold_of_the_case_on():
     assert found.mode == "crack" and found.threshold == pytest.approx(0.02 * np.median(field.max(axis=0)), rel=0.02)
 
 
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("rounding", [-1e-12, 0.0, 1e-12])
+def test_of_two_sides_that_slide_as_far_the_one_with_more_slip_counts(turn: int, rounding: float) -> None:
+    """A crack on one side, a pulse on the other, all of both slide; the crack slips more, whichever way x is."""
+    half = len(POSITION) // 2
+    right, middle = np.arange(half, 2 * half + 1), POSITION[half]
+    field = np.zeros((len(TIME), 2 * half + 1))
+    away = POSITION[right] - middle
+    field[:, right] = np.maximum(synthetic.crack(TIME, away), 0)
+    field[:, half::-1] = np.maximum(synthetic.pulses(TIME, away), 0)
+    # A point of the pulse whose largest rate is the threshold, but for rounding.
+    column = half - 40
+    field[:, column] *= 0.02 * synthetic.V_IMP * (1 + rounding) / field[:, column].max()
+    position = POSITION[: 2 * half + 1] - middle
+    result = modes.classify(field[:, ::turn], TIME, turn * position[::turn], loaded_end=0.0, **DRIVEN)
+    assert result.mode == "crack"
+
+
 @pytest.mark.parametrize("name", ["crack", "pulse", "train"])
 def test_positions_on_a_map_change_nothing(name):
     """Positions that begin at 500 km have an error of 6e-11 m; a fifth of the way of the tip ends at a point."""

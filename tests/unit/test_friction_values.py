@@ -147,6 +147,19 @@ def test_forced_weakening_of_a_law_that_creeps_begins_at_its_initial_traction() 
     assert forced.strength(ONE, 0 * ONE, state | {"clock": 1.25 * ONE})[0] == 0
 
 
+@pytest.mark.parametrize("pascal", [1.0, 1e-6, 1e6])
+def test_an_open_point_falls_from_the_slope_of_its_strength(pascal: float) -> None:
+    """0.18 beside a cohesion of 3 MPa or none, whatever the unit of stress; mu_d under a law that only creeps."""
+    bonded = Cohesion(c=3e6 * pascal, law=LinearSlipWeakening(mu_s=0.18, mu_d=0.12, D_c=0.3))
+    creeps = RateAndStateAgeing(a=0.01, b=0.015, D_c=1e-2, f_0=0.6, V_0=1e-6)
+    for law, expected in ((bonded, 0.18), (bonded.law, 0.18), (creeps, 0.1)):
+        state = ForcedWeakening(law=law, mu_d=0.1, arrival=1.0).initial_state(0 * ONE, 0 * ONE, 0 * ONE)
+        assert state["coefficient_at_start"][0] == pytest.approx(expected, rel=1e-14)
+    # 3 MPa / 30 MPa + 0.18 under pressure.
+    closed = ForcedWeakening(law=bonded, mu_d=0.1, arrival=1.0).initial_state(30e6 * pascal * ONE, 0 * ONE, 0 * ONE)
+    assert closed["coefficient_at_start"][0] == pytest.approx(0.28, rel=1e-14)
+
+
 def test_fluid_takes_its_pressure_from_the_normal_stress() -> None:
     """0.5 (10 - 4 w): w rises to 1 from 1 to 1.5 s and falls from 3 to 3.5 s; never below zero."""
     law = Pressurised(law=Coulomb(mu_d=0.5), pressure=4.0, begin=1.0, end=3.0, rise=0.5)

@@ -197,6 +197,11 @@ def test_facets_begin_with_the_stress_of_the_bodies() -> None:
 @pytest.mark.parametrize("changes, said", [
     ({"fracture.default.cohesion": {**BRITTLE, "c": 1e5}, "fracture.default.friction.mu_d": 0.2},
      "initial_stress.tensor: the facet at .* of shear, more than its strength"),
+    # 0.65 at V_0, below the largest 5.5 / sqrt(10^2 - 5.5^2) = 0.659 of shear over pressure; 0.72 at 1 mm/s.
+    ({"fracture.default": {"friction": {
+        "kind": "rate_and_state_ageing", "a": 0.01, "b": 0.012, "D_c": 1e-6, "f_0": 0.65, "V_0": 1e-6,
+        "theta_initial": 1.0}}},
+     "initial_stress.tensor: the facet at .* of shear, more than its strength"),
     ({"faults.main.initial_stress": {"normal": 5e6}}, "faults.main.initial_stress.normal: with .fracture. the facets"),
     ({"faults.main.sliding": {}}, "faults.main.sliding: with .fracture. interfaces join"),
 ])  # fmt: skip

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 SHARED = "platform/codegen/lanes.c", "interfaces/faults/return_map.c"  # C in front of the code of all facets
 BALANCED = 1e-6  # largest residual of a damage
-CREEP = 1e-3  # m/s: initial stress may make facets slide slowly
 ENDS = {
     "normal_traction": ("Pa", "normal traction, positive in tension"),
     "shear_traction": ("Pa", "shear traction"),
@@ -284,8 +283,8 @@ class CrackStep(FacetFrames):
             normal, shear = np.repeat(self.initial[facets], 2, axis=0).T
             pressure = np.maximum(-normal, 0.0)
             state = laws.friction.initial_state(pressure, np.abs(shear), np.zeros_like(pressure))
-            # A law that creeps carries what makes it slide slowly.
-            rate = np.full_like(pressure, CREEP if group.rated else 0.0)
+            # A law that creeps carries what makes it slide as fast as it may at the start.
+            rate = np.full_like(pressure, laws.friction.largest_initial_slip_rate())
             friction = np.where(pressure > 0, laws.friction.strength(rate, pressure, state), 0.0)
             bonded = np.where(self._open[facets], 0.0, 1.0).repeat(2) * (laws.cohesion is not None)
             tensile, cohesion = (

@@ -9,6 +9,7 @@ from ruptfx.laws.friction import AnyFriction, Array, FrictionLaw, LawState
 from ruptfx.laws.friction.time_weakening import weakened_fraction
 
 NEVER = 1e30  # s
+LEAST = 1e-100  # Pa, below any pressure
 
 
 class ForcedWeakening(FrictionLaw):
@@ -39,12 +40,20 @@ class ForcedWeakening(FrictionLaw):
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         inner = self.law.initial_state(normal_stress, shear_stress, slip_rate)
-        # An open point has no coefficient: use that of the law under 1 Pa.
-        pressure = np.where(normal_stress > 0, normal_stress, 1.0)
-        fresh = self.law.initial_state(pressure, shear_stress, slip_rate)
-        at_rest = self.law.strength(0.0 * pressure, pressure, fresh)
-        # A creeping law has no strength at rest: use its initial traction.
-        start = np.where(at_rest > 0, at_rest, np.abs(shear_stress)) / pressure
+
+        def at_rest(pressure: np.ndarray) -> np.ndarray:
+            state = self.law.initial_state(pressure, shear_stress, slip_rate)
+            return self.law.strength(0.0 * pressure, pressure, state)
+
+        # An open point has no stress of its own: its coefficient is the slope of the strength with the pressure, at
+        # pressures of the size of the cohesion, so that it has no unit.
+        closed = normal_stress > 0
+        pressure = np.where(closed, normal_stress, np.maximum(at_rest(np.where(closed, normal_stress, LEAST)), LEAST))
+        strength = at_rest(pressure)
+        strength = np.where(closed, strength, at_rest(2 * pressure) - strength)
+        # A creeping law has no strength at rest: use its initial traction, and mu_d where it is open.
+        without = np.where(closed, np.abs(shear_stress) / pressure, self.mu_d)
+        start = np.where(strength > 0, strength / pressure, without)
         return {"clock": np.zeros_like(normal_stress), "coefficient_at_start": start, **inner}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:

@@ -66,7 +66,7 @@ class Creeping(FrictionLaw):
             return value
         speed = np.where(np.abs(slip_rate) > 0, np.abs(slip_rate), self.V_initial)
         # An unloaded or open point has no consistent state: use a stress of 1e-6 of the normal stress.
-        pressure = np.where(normal_stress > 0, normal_stress, 1.0)
+        pressure = np.where(normal_stress > 0, normal_stress, np.inf)
         ratio = np.maximum(np.abs(shear_stress) / pressure, LOWEST)
         return self.state_of(self.a * (log_sinh(ratio / self.a) - np.log(speed / self.V_0)))
 

@@ -197,7 +197,7 @@ def classify(
     _check(slip_rate, time, position)
     origin = position[0] if loaded_end is None else loaded_end
     magnitude = median3(np.abs(slip_rate))
-    side, distance = _away(magnitude, position, origin, _reference(slip_rate, V_imp, quiet) * level)
+    side, distance = _away(magnitude, time, position, origin, _reference(slip_rate, V_imp, quiet) * level)
     rate = magnitude[:, side]
     threshold = level * _reference(rate, V_imp, quiet)
     full = _at_threshold(rate, time, distance, threshold)
@@ -437,8 +437,11 @@ def _reference(rate: Array, V_imp: float | None, quiet: float) -> float:
     return float(np.median(peak[slid])) if slid.any() else quiet / LEVEL
 
 
-def _away(rate: Array, position: Array, origin: float, threshold: float) -> tuple[Array, Array]:
-    """Return the points on the side of the origin that slides further, ordered away from it, with distances."""
+def _away(rate: Array, time: Array, position: Array, origin: float, threshold: float) -> tuple[Array, Array]:
+    """Return the points on the side of the origin that slides further, ordered away from it, with distances.
+
+    Where both slide as far it is the side with more slip, and that of increasing positions if there is no difference.
+    """
     sides = []
     for sign in (1, -1):
         side = np.flatnonzero(sign * (position - origin) >= -TIE * np.ptp(position))[::sign]
@@ -448,7 +451,14 @@ def _away(rate: Array, position: Array, origin: float, threshold: float) -> tupl
         raise RuptfxError(
             f"modes: fewer than {MIN_POINTS} interface points on either side of origin = {origin:g} m; refine the mesh"
         )
-    return max(sides, key=lambda result: int((rate[:, result[0]] > threshold).any(axis=0).sum()))
+    # A point within 1e-3 of the threshold counts in part, so that rounding at one point does not decide.
+    shares = np.clip(1 + (rate.max(axis=0) / threshold - 1) / 1e-3, 0.0, 1.0)
+    length, steps = np.gradient(position), np.diff(time)
+    slip = 0.5 * steps @ (rate[1:] + rate[:-1])
+    for measure in (shares * length, slip * length):
+        sizes = [float(measure[side].sum()) for side, _ in sides]
+        sides = [each for each, size in zip(sides, sizes, strict=True) if size >= (1 - TIE) * max(sizes)]
+    return sides[0]
 
 
 def _check(slip_rate: Array, time: Array, position: Array) -> None:
