@@ -652,7 +652,7 @@ def test_a_refused_feature_is_left_out_as_the_message_says() -> None:
     assert name == "BC_DYNFLT.pp" and f"left out as asked: {name}" in "\n".join(convert(text, without=[name]).notes)
 
 
-MATERIAL = ("kind='ELAST' /", "kind='ELASM' /"), ("&MAT_ELASTIC ", "&MAT_ELASTICM ")
+MATERIAL = (("kind='ELAST' /", "kind='SOIL' /"), ("&MAT_ELASTIC ", "&MAT_SOIL "))
 FLUID = ("friction='SWF'", "friction='SWF','TP'"), ("&BC_DYNFLT_SWF", "&BC_DYNFLT_TP nz=80 /\n&BC_DYNFLT_SWF")
 
 
@@ -671,6 +671,14 @@ def test_what_is_proposed_to_be_left_out_works() -> None:
         if names and all(line.strip().startswith(tuple(names)) for line in str(caught.value).splitlines()[1:-1]):
             parse_case(tomllib.loads(convert(text, without=names).text))
     assert proposed[-3:] == [["BC_DYNFLT_TP"], [], ["BC_DYNFLT_TP", "BC_DYNFLT.pp"]]
+
+
+@pytest.mark.parametrize("strain", ["", ", e0=-3d-4,2d-4"])
+def test_an_initial_strain_of_an_elastic_material_changes_notes_only(strain: str) -> None:
+    text = INPUT.replace("'ELAST'", "'ELASM'").replace("&MAT_ELASTIC ", "&MAT_ELASTICM ")
+    result = convert(changed("cs=3464.d0", f"cs=3464.d0{strain}", text))
+    assert tomllib.loads(result.text) == tomllib.loads(convert(INPUT).text)
+    assert any("-0.0003, 0.0002" in note for note in result.notes) == bool(strain)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

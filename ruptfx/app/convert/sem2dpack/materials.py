@@ -10,7 +10,7 @@ from ruptfx import Table
 from ruptfx.app.convert.sem2dpack.blocks import Block, ConversionError, Input
 from ruptfx.laws.materials.standard_linear_solids import StandardLinearSolids
 
-READS = {"MATERIAL", "MAT_ELASTIC", "MAT_KV", "MAT_VISCO", "MAT_PLASTIC"}
+READS = {"MATERIAL", "MAT_ELASTIC", "MAT_ELASTICM", "MAT_KV", "MAT_VISCO", "MAT_PLASTIC"}
 REFUSED = {
     "DMG": "continuum damage", "DMG3": "continuum damage",
     "VISLA": "viscoelastic soil", "IWAN": "nonlinear soil", "MASS": "bodies without stiffness",
@@ -91,6 +91,15 @@ def _elastic(value: Input, block: Block) -> Table:
     }  # fmt: skip
 
 
+def _strained(value: Input, block: Block) -> Table:
+    """Return the elastic material of a version with an initial strain: its forces are those of the later strain."""
+    strain = [float(each) for each in block.values.get("e0", [])]
+    if any(strain):
+        values = ", ".join(f"{each:g}" for each in strain)
+        value.note(f"&{block.name} e0 = {values}: initial strain left out; it changes recorded stresses, not the motion")
+    return _elastic(value, block)
+
+
 def _viscoelastic(value: Input, block: Block) -> Table:
     """Return relaxing moduli; wave speeds of the input are those at the frequency f0, zero without it."""
     lowest, highest, f0 = block.number("fmin"), block.number("fmax"), block.number("f0", 0.0)
@@ -130,6 +139,7 @@ def _plastic(value: Input, block: Block) -> Table:
 
 
 BODIES = {
-    "ELAST": ("MAT_ELASTIC", _elastic), "VISCO": ("MAT_VISCO", _viscoelastic), "PLAST": ("MAT_PLASTIC", _plastic),
+    "ELAST": ("MAT_ELASTIC", _elastic), "ELASM": ("MAT_ELASTICM", _strained), "VISCO": ("MAT_VISCO", _viscoelastic),
+    "PLAST": ("MAT_PLASTIC", _plastic),
 }  # fmt: skip
 """Kinds of material of a body: the block of their values, and how it becomes a material of the case."""
