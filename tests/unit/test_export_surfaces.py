@@ -101,11 +101,86 @@ def test_signs_do_not_depend_on_the_normal(dip: float, toward: tuple[float, floa
 def test_surfaces_without_strike_are_refused(tmp_path: Path) -> None:
     for data, message in (
         (surface(np.array([0.0, 0.0, 1.0]), np.zeros(3)), "is horizontal and has no strike; turn the mesh"),
-        (surface(np.array([0.0, 1.0, 0.0]), np.zeros(3)).assign(y=("point", np.arange(30.0) ** 2)), "off a plane"),
         (xarray.Dataset({"position": ("position", np.zeros(3))}), "is a line"),
     ):
         with pytest.raises(RuptfxError, match=facts(message)):
             scec_files.View.of(data, "main")
+
+
+def curved(normal: np.ndarray, origin: np.ndarray, height: float) -> xarray.Dataset:
+    """The plane of `surface` with hills of a height, whose mean is zero, and with the areas and fields of a record."""
+    data = surface(normal, origin)
+    hills = height * np.cos(np.pi * (np.arange(30) // 5)) * np.cos(np.pi * np.arange(30) / 4)
+    hills -= hills.mean()
+    moved = {axis: ("point", data[axis].values + hills * part) for axis, part in zip("xyz", normal, strict=True)}
+    times = {"area": ("point", np.full(30, 1e6)), "rupture_time": ("point", np.arange(30.0))}
+    return data.assign(moved | times).assign_attrs(rupture_threshold=1e-3, apart=float(np.abs(hills).max()))
+
+
+@pytest.mark.parametrize("normal", [(0.0, 1.0, 0.0), (-0.8, 0.6, 0.0), (0.0, np.sin(1.0), np.cos(1.0))])
+@pytest.mark.parametrize("height", [5.0, 300.0])
+def test_a_curved_fault_is_seen_along_the_axes_of_its_positions(normal: tuple[float, ...], height: float) -> None:
+    direction = np.array(normal)
+    across = np.array([*direction[:2], 0.0])
+    origin = 1e3 * across / np.linalg.norm(across)
+    data = curved(direction, origin, height)
+    view, plane = (scec_files.View.of(each, "main") for each in (data, surface(direction, origin)))
+    for name in ("strike", "down", "away", "turn"):
+        np.testing.assert_allclose(getattr(view, name), getattr(plane, name), atol=1e-9, err_msg=name)
+    assert (view.apart, plane.apart) == (pytest.approx(data.attrs["apart"], rel=1e-9), 0.0)
+    assert view.trace == pytest.approx(plane.trace, rel=1e-9) and abs(plane.trace) == pytest.approx(1e3)
+    # A plane through the origin within the hills is that of the positions.
+    assert scec_files.View.of(curved(direction, 5e-4 * height * origin, height), "main").trace == 0.0
+
+
+def station(count: int) -> xarray.Dataset:
+    """A receiver in a body with different histories of all components."""
+    values = {f"{field}_{axis}": ("time", np.arange(3.0) + 10 * n + m) for n, axis in enumerate("xyz")
+              for m, field in enumerate(("displacement", "velocity")[:count])}  # fmt: skip
+    return xarray.Dataset(values, {"time": [0.0, 0.5, 1.0]})
+
+
+def written(record: SimpleNamespace, folder: Path) -> tuple[dict[str, Path], list[str]]:
+    """Return the files of an export by their names, and its notes."""
+    notes: list[str] = []
+    folder.mkdir()
+    return {file.name: file for file in scec_files.files(record, folder, notes.append)}, notes
+
+
+def test_what_can_be_written_is_written_and_the_others_are_named(tmp_path: Path) -> None:
+    """Beside a curved fault a horizontal interface and a receiver that records its velocity only."""
+    points = {"whole": [0.0, 3e3, 0.0], "half": [0.0, 6e3, 0.0]}
+    record = SimpleNamespace(
+        path=tmp_path, case={"instruments": [{"kind": "receiver", "name": name, "point": point}
+                                             for name, point in points.items()]},
+        interfaces={"sill": surface(np.array([0.0, 0.0, 1.0]), np.zeros(3)),
+                    "main": curved(np.array([0.0, 1.0, 0.0]), np.zeros(3), 200.0)},
+        instruments={"whole": station(2), "half": station(1)},
+    )  # fmt: skip
+    files, notes = written(record, tmp_path / "out")
+    assert sorted(files) == ["body030st000dp000.txt", "main_rupture_time.txt"]
+    assert len(notes) == 2 and "interface sill" in notes[0] and "instrument half" in notes[1]
+    head, columns = read(files["main_rupture_time.txt"])
+    assert f"{record.interfaces['main'].attrs['apart']:.4g} m" in head["fault_surface"]
+    np.testing.assert_allclose(columns["j"], record.interfaces["main"].position)
+    np.testing.assert_allclose(read(files["body030st000dp000.txt"])[1]["n-disp"], [10.0, 11.0, 12.0])
+
+
+@pytest.mark.parametrize("names", [("main", "branch"), ("west", "east")])
+def test_axes_of_stations_off_faults_do_not_depend_on_the_order(tmp_path: Path, names: tuple[str, str]) -> None:
+    """A fault along x and a smaller one along y: stations have the axes of `main`, or of the larger one."""
+    first, second = curved(np.array([0.0, 1.0, 0.0]), np.zeros(3), 0.0), curved(np.array([1.0, 0, 0]), np.zeros(3), 0.0)
+    faults = {names[0]: first, names[1]: second.assign(area=0.9 * second.area)}
+    instruments = [{"kind": "receiver", "name": "s", "point": [1e3, 3e3, 0.0]}]
+    for number, order in enumerate((names, names[::-1])):
+        record = SimpleNamespace(path=tmp_path, case={"instruments": instruments}, instruments={"s": station(2)},
+                                 interfaces={name: faults[name] for name in order})  # fmt: skip
+        files, _ = written(record, tmp_path / str(number))
+        columns = read(files["body030st010dp000.txt"])[1]
+        np.testing.assert_allclose(columns["h-disp"], [0.0, 1.0, 2.0])
+        values, unit = scec_files.channels(record, "s")["h-disp"]
+        np.testing.assert_allclose(values, columns["h-disp"])
+        assert unit == "m"
 
 
 def read(path: Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:

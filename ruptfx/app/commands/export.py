@@ -39,7 +39,7 @@ def export(
     """Write a run for other programs.
 
     csv: interfaces as tables. netcdf: interfaces and bodies. vtk: a VTU file for each snapshot of the bodies. vtkhdf:
-    bodies and interfaces with all their times, for ParaView. scec: receivers and rupture times of plane faults in 3D,
+    bodies and interfaces with all their times, for ParaView. scec: receivers and rupture times of faults in 3D,
     as the SCEC/USGS code comparison reads them.
 
     Example: ruptfx export runs/impact --format vtkhdf
@@ -49,11 +49,14 @@ def export(
         from ruptfx.app.convert import scec_files, vtk_files
         from ruptfx.results.record import Record
 
+        def scec(record: Record, folder: Path) -> Iterator[Path]:
+            return scec_files.files(record, folder, lambda line: screen.print(line, soft_wrap=True))
+
         folder = out or run / "export"
         with Record(run) as record, writing(folder, overwrite=overwrite) as files:
             write = {
                 Format.csv: tables, Format.netcdf: datasets, Format.vtk: vtk_files.series,
-                Format.vtkhdf: vtk_files.whole, Format.scec: scec_files.files,
+                Format.vtkhdf: vtk_files.whole, Format.scec: scec,
             }  # fmt: skip
             names = [files.claim(path.name).name for path in write[format_](record, files.place)]
         for name in names:

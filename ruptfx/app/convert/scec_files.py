@@ -1,16 +1,17 @@
-"""A rupture on a plane surface as text files of the SCEC/USGS code comparison.
+"""A rupture on surfaces as text files of the SCEC/USGS code comparison.
 
 One file of time series for every receiver on a fault and in the bodies, and for every fault the rupture times of all
 points, for contours. A viewer stands on the near side of the fault and looks at it: strike is to the right, so that a
 positive horizontal slip is right-lateral. The far side is the hanging wall of a dipping fault, and of a vertical one
-the side for which strike has its largest component along +x or +y.
+the side for which strike has its largest component along +x or +y. Directions of a curved fault are those of the plane
+in which its positions are; its slip and shear traction keep the tangents of the point, projections of these directions.
 
 Source: descriptions of the benchmarks TPV5 to TPV104, https://strike.scec.org/cvws
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 FLAT = 1e-6  # distance from the plane over its extent, and height of a horizontal normal
+THIN = 1e-4  # thickness of a surface over its extent below which its points do not define a direction across it
 STEEP = 1e-3  # horizontal length of the normal below which a surface has no strike
 NEVER = 1e9
 """Rupture time of points that did not rupture [s]."""
@@ -74,7 +76,7 @@ CONTOURS = (
 
 @dataclass(frozen=True)
 class View:
-    """Directions of a plane surface as its viewer sees them.
+    """Directions of a surface as its viewer sees them; of a curved one those of the plane of its positions.
 
     Attributes
     ----------
@@ -84,7 +86,10 @@ class View:
         Matrix that turns slip and shear traction, of the plus body relative to the minus body along both tangents of
         the surface, into those of the far side relative to the near side along strike and down dip.
     trace : float
-        Position of the line where the plane of the surface is at z = 0, along `away` [m].
+        Position of the line where the plane of the surface is at z = 0, along `away` [m]; 0 where the plane through the
+        origin passes through a curved surface, else that through the mean of its points.
+    apart : float
+        Largest distance of the surface from the plane of its positions through the mean of its points [m], 0 if plane.
     """
 
     strike: Array
@@ -92,6 +97,7 @@ class View:
     away: Array
     turn: Array
     trace: float
+    apart: float = 0.0
 
     @classmethod
     def of(cls, data: Data, name: str) -> Self:
@@ -100,21 +106,17 @@ class View:
         Raises
         ------
         RuptfxError
-            It is no surface, or its surface is curved or horizontal.
+            It is no surface, or it is horizontal.
         """
         key = f"export --format scec: interface {name}"
         if not is_surface(data):
             raise RuptfxError(f"{key} is a line, and the format is for surfaces in 3D; use --format csv")
         points = np.stack([data[axis].values for axis in "xyz"], axis=1)
-        columns = np.stack([data["position"].values, data["dip"].values, np.ones(len(points))], axis=1)
-        result, *_ = np.linalg.lstsq(columns, points, rcond=None)
-        extent = float(np.ptp(points, axis=0).max())
-        apart = float(np.abs(columns @ result - points).max())
-        if apart > FLAT * extent:
-            raise RuptfxError(
-                f"{key} is up to {apart:.3g} m off a plane, and the format is for planes; use --format netcdf"
-            )
-        first, second = result[0], result[1]
+        middle = points.mean(axis=0)
+        # Positions are distances along two directions; of a plane, whose normal they do not define, those within it.
+        places = np.stack([data[position].values for position in ("position", "dip")], axis=1)
+        directions, *_ = np.linalg.lstsq(points - middle, places - places.mean(axis=0), rcond=THIN)
+        first, second = (directions / np.linalg.norm(directions, axis=0)).T
         normal = np.cross(first, second)  # from the minus to the plus body
         if np.hypot(*normal[:2]) < STEEP:
             raise RuptfxError(
@@ -125,10 +127,12 @@ class View:
         far = np.sign(strike[np.argmax(np.abs(strike))] if abs(normal[2]) < FLAT else normal[2])
         normal, strike = far * normal, far * strike / np.linalg.norm(strike)
         down, away = np.cross(normal, strike), np.cross(up, strike)
-        trace = float(normal @ points.mean(axis=0) / (normal @ away))
+        off = float(np.abs((points - middle) @ normal).max())
+        apart = off if off > FLAT * np.ptp(points, axis=0).max() else 0.0
+        trace = 0.0 if abs(normal @ middle) < apart else float(normal @ middle / (normal @ away))
         turn = far * np.stack([strike, down]) @ np.stack([first, second], axis=1)
         turn = np.round(turn, 12)  # positions are rounded: no share of one component in the other on aligned surfaces
-        return cls(strike, down, away, turn, trace)
+        return cls(strike, down, away, turn, trace, apart)
 
     def place(self, points: Array) -> tuple[Array, Array, Array]:
         """Return distances of points [m]: off the fault at z = 0, along strike, and down dip from z = 0."""
@@ -137,30 +141,52 @@ class View:
         return off, along, down
 
 
-def files(record: Record, folder: Path) -> Iterator[Path]:
+def files(record: Record, folder: Path, note: Callable[[str], object] = print) -> Iterator[Path]:
     """Write the rupture times of every fault and the time series of every receiver; yield the paths.
+
+    `note` prints what is not written.
 
     Raises
     ------
     RuptfxError
-        An interface is no plane surface, or a receiver of the bodies does not record its velocity or displacement.
+        No interface is a surface with a strike.
     """
-    views = {name: View.of(data, name) for name, data in record.interfaces.items()}
+    views: dict[str, View] = {}
+    for name, surface in record.interfaces.items():
+        try:
+            views[name] = View.of(surface, name)
+        except RuptfxError as error:
+            if len(record.interfaces) == 1:
+                raise
+            note(f"not written: {error}")
     if not views:
-        raise RuptfxError(f"export --format scec: {record.path} has no interface; use --format vtkhdf")
+        raise RuptfxError(
+            f"export --format scec: {record.path} has no interface with a strike; use --format vtkhdf"
+        )
     for name, view in views.items():
         yield _contours(record, name, view, folder)
     written: set[str] = set()
+    reference = _reference(record.interfaces, views)
     for table in record.case.get("instruments", []):
         data = record.instruments[table["name"]] if table["kind"] in ("receiver", "fault_receiver") else None
-        if data is None:
+        fault = table.get("fault", "main")
+        if data is None or (table["kind"] == "fault_receiver" and fault not in views):
             continue
-        if table["kind"] == "fault_receiver":
-            path = _on_fault(record, table, data, views[table.get("fault", "main")], folder, written)
-        else:
-            path = _in_body(record, table, data, next(iter(views.values())), folder, written)
+        try:
+            if table["kind"] == "fault_receiver":
+                path = _on_fault(record, table, data, views[fault], folder, written)
+            else:
+                path = _in_body(record, table, data, views[reference], folder, written)
+        except RuptfxError as error:
+            note(f"not written: {error}")
+            continue
         written.add(path.name)
         yield path
+
+
+def _reference(interfaces: Mapping[str, Data], names: Collection[str]) -> str:
+    """Return the fault whose axes stations off the faults have: `main`, else the largest; the order does not matter."""
+    return "main" if "main" in names else max(sorted(names), key=lambda name: float(interfaces[name]["area"].sum()))
 
 
 def _contours(record: Record, name: str, view: View, folder: Path) -> Path:
@@ -170,7 +196,7 @@ def _contours(record: Record, name: str, view: View, folder: Path) -> Path:
     times = data["rupture_time"].values
     rows = np.column_stack([along, down, np.where(np.isfinite(times), times, NEVER)])
     threshold = float(data.attrs["rupture_threshold"])
-    entries = {"rupture": f"slip rate above {threshold:g} m/s"}
+    entries = {"rupture": f"slip rate above {threshold:g} m/s", **_shape(view)}
     return _write(record, folder / f"{name}_rupture_time.txt", entries, CONTOURS, rows)
 
 
@@ -183,7 +209,13 @@ def _on_fault(
     fault = table.get("fault", "main")
     name = _file_name(table, {f"{'fault' if fault == 'main' else fault}st": along, "dp": down}, written)
     place = f"on fault, {along / 1e3:.7g} km along strike, {down / 1e3:.7g} km down-dip"
-    return _series(record, folder / name, place, columns, data)
+    return _series(record, folder / name, place, columns, data, _shape(view))
+
+
+def _shape(view: View) -> dict[str, str]:
+    """Return the entry of the header about a curved fault."""
+    tangents = "slip and shear stress along the tangents of the surface at the station"
+    return {"fault_surface": f"up to {view.apart:.4g} m off its plane; {tangents}"} if view.apart else {}
 
 
 def _fault_columns(data: Data, view: View) -> dict[Column, Array]:
@@ -237,20 +269,21 @@ def _body_columns(table: Table, data: Data, view: View) -> dict[Column, Array]:
 def channels(record: Files, instrument: str) -> dict[str, tuple[Array, str]]:
     """Return what a receiver recorded by the names of the fields in these files, with units.
 
-    Empty for other instruments, and where there is no plane surface.
+    Empty for other instruments, and where there is no surface.
 
     Raises
     ------
     RuptfxError
-        The interface of the receiver is no plane surface.
+        The surface is horizontal.
     """
     table: Table = next((each for each in record.case.get("instruments", []) if each["name"] == instrument), {})
-    fault = table.get("fault", "main") if table.get("kind") == "fault_receiver" else next(iter(record.interfaces), "")
-    if table.get("kind") not in ("receiver", "fault_receiver") or fault not in record.interfaces:
+    surfaces = {name: data for name, data in record.interfaces.items() if is_surface(data)}
+    if table.get("kind") not in ("receiver", "fault_receiver") or not surfaces:
         return {}
-    surface, data = record.interfaces[fault], record.instruments[instrument]
-    if not is_surface(surface):
+    fault = table.get("fault", "main") if table["kind"] == "fault_receiver" else _reference(surfaces, surfaces)
+    if fault not in surfaces:
         return {}
+    surface, data = surfaces[fault], record.instruments[instrument]
     view = View.of(surface, fault)
     of_fault = table["kind"] == "fault_receiver"
     columns = _fault_columns(data, view) if of_fault else _body_columns(table, data, view)
@@ -274,11 +307,14 @@ def _file_name(table: Table, positions: Mapping[str, SupportsFloat], written: Co
     return f"{table['name']}.txt" if off_grid or name in written else name
 
 
-def _series(record: Record, path: Path, place: str, columns: Mapping[Column, Array], data: Data) -> Path:
+def _series(
+    record: Record, path: Path, place: str, columns: Mapping[Column, Array], data: Data,
+    more: Mapping[str, str] | None = None,
+) -> Path:  # fmt: skip
     """Write time series of one place."""
     times = data["time"].values
     step = f"{times[1] - times[0]:.9g} s" if len(times) > 1 else "unknown"
-    entries = {"time_step": step, "num_time_steps": str(len(times)), "location": place}
+    entries = {"time_step": step, "num_time_steps": str(len(times)), "location": place, **(more or {})}
     return _write(record, path, entries, (TIME, *columns), np.column_stack([times, *columns.values()]))
 
 

@@ -43,7 +43,7 @@ class ForcedWeakening(FrictionLaw):
 
         def at_rest(pressure: np.ndarray) -> np.ndarray:
             state = self.law.initial_state(pressure, shear_stress, slip_rate)
-            return self.law.strength(0.0 * pressure, pressure, state)
+            return np.asarray(self.law.strength(0.0 * pressure, pressure, state))
 
         # An open point has no stress of its own: its coefficient is the slope of the strength with the pressure, at
         # pressures of the size of the cohesion, so that it has no unit.

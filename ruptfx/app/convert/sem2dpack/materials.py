@@ -96,7 +96,7 @@ def _strained(value: Input, block: Block) -> Table:
     strain = [float(each) for each in block.values.get("e0", [])]
     if any(strain):
         values = ", ".join(f"{each:g}" for each in strain)
-        value.note(f"&{block.name} e0 = {values}: initial strain left out; it changes recorded stresses, not the motion")
+        value.note(f"&{block.name} e0 = {values}: initial strain left out; the motion does not depend on it")
     return _elastic(value, block)
 
 
