@@ -43,9 +43,13 @@ struct patch {
 };
 
 // Admissible normal traction for a trial one, found with impedance z, on the secant at the end of the step; its derivative.
-INLINE double normal_at(const struct end *end, double dt, double z, double pulled, double *slope)
+INLINE double normal_at(const struct end *end, double dt, double z, double trial, double *derivative)
 {
-    return admissible_normal(pulled, end->most, end->largest * z / dt, slope);
+    const double tension = end->most, softness = end->largest * z / dt;
+    double traction, slope;
+    NORMAL_TRACTION
+    *derivative = slope;
+    return traction;
 }
 
 INLINE double shear_strength(const struct end *end, double *const *state, double normal)

@@ -23,11 +23,13 @@ from ruptfx.bodies.space.bodies import Bodies
 from ruptfx.bodies.state import FaultState, State
 from ruptfx.interfaces.cracks.extrinsic import Extrinsic
 from ruptfx.interfaces.cracks.step import ENDS, FACETS, SHARED, CrackStep, formulas
+from ruptfx.interfaces.faults.point_code import normal_traction
 from ruptfx.laws.materials import Plane
 from ruptfx.laws.materials.stiffness import tangent_stiffness
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
 from ruptfx.platform.codegen.native import address
+from ruptfx.platform.codegen.tracing import to_c
 
 LOG = logging.getLogger("ruptfx.run")
 # Error of the tractions at a vertex over the tractions and the tensile strength there; patch.c asks for 1e-8.
@@ -173,7 +175,7 @@ class RigidCracks(CrackStep):
             "STATES": ", ".join([f"STATE_{name}" for name in self.fields_of_ends] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1], "PRELOADED": int(self.initial_stress.any()),
-            "LARGE_ROTATIONS": int(self.large_rotations),
+            "LARGE_ROTATIONS": int(self.large_rotations), "NORMAL_TRACTION": to_c(normal_traction(), end=" \\\n"),
         }  # fmt: skip
         whole = _source("rigid_types.c") + text + f"static const struct law LAWS[] = {{{laws}}};\n"
         shared = "".join(files("ruptfx").joinpath(part).read_text() for part in SHARED)

@@ -24,16 +24,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ruptfx.interfaces.faults.projection import CohesiveStrength, parameters_as_symbols
 from ruptfx.laws.cohesion import CohesiveLaw
-from ruptfx.platform.codegen.tracing import Expression, derivative, record, symbol, to_numpy
-
-if TYPE_CHECKING:
-    pass
+from ruptfx.platform.codegen.tracing import Expression, derivative, record, substituted, symbol, to_numpy
 
 STATE = {"damage": "1", "largest_opening": "m", "damaging_slip": "m"}
 """Fields of every point, and their units; the slip is the whole way, whatever its direction."""
@@ -55,24 +52,35 @@ class TracedCohesion:
     ----------
     parameters : dict of str to float or ndarray
         By the name of their symbols.
-    damage, remaining : Expression
-        Damage of the symbols `bond_opening` and `bond_slip`; remaining part of the strength of `bond_damage`.
-    damage_by_opening, damage_by_slip, remaining_slope : Expression
-        Derivatives of both.
+    damage : Expression
+        Damage of the symbols `bond_opening` and `bond_slip`.
+    tension, shear : Expression
+        Remaining strengths of the symbol `bond_damage` [Pa].
     """
 
     def __init__(self, law: CohesiveLaw) -> None:
         self.law = law
         self.parameters, traced = parameters_as_symbols(law, "b_")
         self.damage: Expression = record(traced.damage, symbol("bond_opening"), symbol("bond_slip"))
-        self.remaining: Expression = record(traced.remaining_fraction, symbol("bond_damage"))
-        self.damage_by_opening, self.damage_by_slip = (
-            derivative(self.damage, symbol(name)) for name in ("bond_opening", "bond_slip")
-        )
-        self.remaining_slope: Expression = derivative(self.remaining, symbol("bond_damage"))
+        damage: Any = symbol("bond_damage")
+        remaining: Any = np.where(damage < 1, record(traced.remaining_fraction, damage), 0.0)
+        self.tension, self.shear = traced.f_t * remaining, traced.c * remaining
         items = list(self.parameters)
         self._damage = to_numpy({"damage": self.damage}, ["bond_opening", "bond_slip", *items])
-        self._left = to_numpy({"left": self.remaining}, ["bond_damage", *items])
+        self._strength = to_numpy({"tension": self.tension, "shear": self.shear}, ["bond_damage", *items])
+
+    def strength_of(self, damage: Expression) -> list[Any]:
+        """Return the formulas of tensile and shear strength at a damage."""
+        return substituted([self.tension, self.shear], {symbol("bond_damage"): damage})
+
+    def damage_of(self, opening: Expression, slip: Expression) -> Expression:
+        """Return the formula of the damage at an opening and a slip."""
+        return substituted([self.damage], {symbol("bond_opening"): opening, symbol("bond_slip"): slip})[0]
+
+    def damage_slopes_of(self, opening: Expression, slip: Expression) -> list[Expression]:
+        """Return the formulas of the derivatives of the damage by opening and slip."""
+        entries = {symbol("bond_opening"): opening, symbol("bond_slip"): slip}
+        return substituted([derivative(self.damage, variable) for variable in entries], entries)
 
     def damage_after(self, before: np.ndarray, opening: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return the damage at the largest opening and the whole slip so far [m], not less than before; shapes (n,)."""
@@ -83,9 +91,8 @@ class TracedCohesion:
     def strength_at(self, damage: np.ndarray, opening: np.ndarray, compliance: np.ndarray) -> CohesiveStrength:
         """Return the cohesive strength at a damage and a largest opening [m], shapes (n,)."""
         with np.errstate(all="ignore"):
-            (left,) = self._left(damage, *self.parameters.values())
-        left = np.where(damage < 1, left, 0.0)
-        return CohesiveStrength(self.law.f_t * left, self.law.c * left, opening, compliance)
+            tension, shear = self._strength(damage, *self.parameters.values())
+        return CohesiveStrength(tension, shear, opening, compliance)
 
 
 def stored(state: Mapping[str, np.ndarray]) -> np.ndarray:

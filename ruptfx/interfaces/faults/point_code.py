@@ -19,12 +19,21 @@ from ruptfx import Table
 from ruptfx.bodies.state import FaultState
 from ruptfx.input.fields import FIELDS, MONITORS, Moment
 from ruptfx.interfaces.faults import point_step
-from ruptfx.interfaces.faults.cohesive_interface import DAMAGED, STATE
+from ruptfx.interfaces.faults.cohesive_interface import DAMAGED, STATE, TracedCohesion
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.laws.contact import Point, Trial
 from ruptfx.platform.codegen import native
-from ruptfx.platform.codegen.tracing import Expression, constant, record, substituted, symbol, to_c
+from ruptfx.platform.codegen.tracing import (
+    Expression,
+    constant,
+    derivative,
+    directional,
+    record,
+    substituted,
+    symbol,
+    to_c,
+)
 
 ITERATION = {"MAX_ITERATIONS": point_step.MAX_ITERATIONS, "BISECT_EVERY": point_step.BISECT_EVERY}
 LANES = 8  # points that the C code computes at a time
@@ -108,8 +117,13 @@ class PointCode:
         guess : Expression, optional
             Slip rate to begin with [m/s]; default: that of the previous step.
         """
-        formulas = self._formulas(known) | self._step_formulas(radiation, guess)
-        macros = self._sizes() | self._symbols() | self._strengths()
+        trial = self._trial(known)
+        formulas = self._formulas(trial) | self._step_formulas(radiation, guess)
+        if self._cohesion is not None:
+            formulas |= self._cohesion_formulas(self._cohesion)
+        if self._law.at_end and radiation is not None:
+            formulas["TANGENT"] = self._tangent(trial)
+        macros = self._sizes() | self._symbols()
         macros |= {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
         parts = "interfaces/faults/return_map.c", "interfaces/faults/points.c", *sources
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
@@ -120,8 +134,8 @@ class PointCode:
         return {
             "LANES": LANES, "COMPONENTS": face.frame.shape[2], "LOCAL": face.frame.shape[1], "TANGENTS": face.tangents,
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
-            "BONDED": int(self._cohesion is not None),
-            "DAMAGED": DAMAGED, "TOLERANCE": point_step.TOLERANCE, **ITERATION,
+            "BONDED": int(self._cohesion is not None), "DAMAGED": DAMAGED,
+            "TOLERANCE": point_step.TOLERANCE, **ITERATION,
         }  # fmt: skip
 
     def _symbols(self) -> dict[str, object]:
@@ -141,27 +155,34 @@ class PointCode:
         symbols |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
         return symbols | {name: f"BEGUN({name})" for name in law.start}
 
-    def _strengths(self) -> dict[str, object]:
-        return {} if self._cohesion is None else {"TENSILE_STRENGTH": "b_f_t", "COHESION": "b_c"}
-
     def _each(self, place: str) -> list[Any]:
         """Return a vector in memory."""
         return [symbol(place.format(k)) for k in range(self._fault.tangents)]
 
-    def _formulas(self, known: Mapping[str, Any]) -> dict[str, Table]:
-        """Return the traced formulas of contact method, monitors and cohesion by the name of their macro."""
-        each, tangents = self._each, range(self._fault.tangents)
-        opening = symbol("points->opening[l]") if self._fault.interface.has_normal else constant(0)
+    def _jumps(self) -> list[Any]:
+        """Return the jumps of which the trial is a function."""
+        normal = [_in_points("opening")] if self._fault.interface.has_normal else []
+        return normal + self._each("points->jump[NORMAL + {}][l]")
+
+    def _trial(self, known: Mapping[str, Any]) -> Trial:
+        """Return the recorded trial of the contact method."""
+        each, jumps = self._each, self._jumps()
         trial: Trial = record(self._contact.trial, Point(
             normal_stress_0=symbol("FIXED(normal_stress_0)"), shear_traction_0=each("FIXED(shear_traction_0 + {})"),
-            opening_jump=opening, slip_jump=each("points->jump[NORMAL + {}][l]"), slip=each("OLD(slip + {})"),
-            since=symbol("since"), dt=symbol("dt"), **known,
+            opening_jump=jumps[0] if self._fault.interface.has_normal else constant(0),
+            slip_jump=jumps[-self._fault.tangents :], slip=each("OLD(slip + {})"), since=symbol("since"),
+            dt=symbol("dt"), **known,
         ))  # fmt: skip
+        return trial
+
+    def _formulas(self, trial: Trial) -> dict[str, Table]:
+        """Return the traced formulas of contact method and monitors by the name of their macro."""
+        tangents = range(self._fault.tangents)
         result: Expression = record(
             self._contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate"))
         )
         at = Moment(**{field.name: symbol(field.name) for field in fields(Moment)})
-        formulas: dict[str, Table] = {
+        return {
             "TRIAL": {
                 "points->trial_normal[l]": trial.normal_stress, "points->compliance[l]": trial.normal_compliance,
                 "points->sigma[l]": point_step.normal_stress(trial.normal_stress),
@@ -171,14 +192,99 @@ class PointCode:
             "DISSIPATED": {"taken": result},
             "MONITORS": {f"NEW({m.name})": m.update(symbol(f"OLD({m.name})"), at) for m in MONITORS},
         }  # fmt: skip
-        if self._cohesion is not None:
-            bond = self._cohesion
-            formulas |= {
-                "DAMAGE": {"damage": bond.damage}, "LEFT": {"left": bond.remaining},
-                "LEFT_SLOPE": {"left_slope": bond.remaining_slope},
-                "DAMAGE_SLOPES": {"by_opening": bond.damage_by_opening, "by_slip": bond.damage_by_slip},
-            }  # fmt: skip
-        return formulas
+
+    def _cohesion_formulas(self, cohesion: TracedCohesion) -> dict[str, Table]:
+        """Return the traced formulas of cohesion by the name of their macro.
+
+        Where slip ends with the traction, `points->damage` is a trial damage, and opening and slip follow from it.
+        """
+        at_end, before = self._law.at_end, symbol("OLD(largest_opening)")
+        opened, rates = _largest(before, _in_points("opening")), self._each("OLD(mean_slip_rate + {})")
+        damage, known = symbol("NEW(damage)"), symbol("NEW(largest_opening)")
+        if at_end:
+            opened, rates = symbol("NEW(largest_opening)"), self._each("NEW(mean_slip_rate + {})")
+            damage, known = _in_points("damage"), before
+        normal, compliance = _in_points("trial_normal"), _in_points("compliance")
+        tension, shear = cohesion.strength_of(damage)
+        slip = self._damaging_slip(rates)
+        (cohesion_before,) = substituted([cohesion.shear], {symbol("bond_damage"): symbol("OLD(damage)")})
+        return {
+            "DAMAGE": {
+                **({} if at_end else {"NEW(largest_opening)": opened}), "NEW(damaging_slip)": slip,
+                "damage": _largest(symbol("OLD(damage)"), cohesion.damage_of(opened, slip)),
+            },
+            "COHESIVE_STRENGTH": {
+                "points->tension[l]": tension, "points->bond[l]": shear,
+                "points->sigma[l]": point_step.normal_stress(normal, tension, known / compliance),
+            },
+            "OPENED": {"NEW(largest_opening)": _largest(before, (_in_points("sigma") - normal) * compliance)},
+            "COHESION_BEFORE": {"cohesion": cohesion_before},
+        }  # fmt: skip
+
+    def _damaging_slip(self, rates: point_step.Vector) -> Any:
+        """Return the slip which damages cohesion, after a step with mean slip rates."""
+        return symbol("OLD(damaging_slip)") + symbol("since") * point_step.length(rates)
+
+    def _tangent(self, trial: Trial) -> Table:
+        """Return dT / d[u] [Pa/m] at the end of an implicit step, by its place in C.
+
+        The slip rate V and the damage D of a step are roots of equations in which the jumps occur, too: their changes
+        are those that keep the equations balanced. `points` has V, and the strength with its partial derivatives.
+        """
+        each, cohesion, normal = self._each, self._cohesion, int(self._fault.interface.has_normal)
+        v, strength, slope = map(_in_points, ("rate", "strength", "slope"))
+        damage, bond, opened = symbol("NEW(damage)"), constant(0), symbol("OLD(largest_opening)")
+        before, z, compliance = each("OLD(mean_slip_rate + {})"), trial.impedance, trial.normal_compliance
+        if cohesion is None:
+            sigma = point_step.normal_stress(trial.normal_stress)
+        else:
+            tension, bond = cohesion.strength_of(damage)
+            sigma = point_step.normal_stress(trial.normal_stress, tension, opened / compliance)
+        is_closed = self._is_closed()
+        slides, is_stuck = is_closed & (v > 0), is_closed & np.equal(v, 0.0)
+        shifted = point_step.shifted_trial(trial.shear_traction, z, before, symbol("carried"))
+        at = point_step.balance(shifted, v, strength, slope)
+        end = point_step.sliding(
+            shifted, trial.shear_traction, before, v, v, at.direction, is_open=np.logical_not(is_closed),
+            is_stuck=is_stuck, at_end=True,
+        )  # fmt: skip
+        tractions = [*([-sigma] if normal else []), *end.shear_traction]
+        by_v = derivative(at.residual, v) + derivative(at.residual, strength) * slope
+
+        def moved(seeds: dict[Expression, Expression], outputs: Sequence[Any]) -> list[Any]:
+            """Return the changes of outputs from those of jumps and damage, with that of V."""
+            by_stress, by_before, by_bond = directional(
+                [point_step.normal_stress(sigma), shifted.rate_before, bond], seeds, guarded=True
+            )
+            of_strength: Any = (
+                by_bond + _in_points("stress_slope") * by_stress + _in_points("before_slope") * by_before
+            )
+            (of_balance,) = directional([at.residual], {**seeds, strength: of_strength}, guarded=True)
+            of_v: Any = np.where(slides, -of_balance / by_v, 0.0)
+            return directional(outputs, {**seeds, v: of_v, strength: of_strength + slope * of_v}, guarded=True)
+
+        columns = [moved({jump: constant(1)}, tractions) for jump in self._jumps()]
+        if cohesion is not None:
+            largest = _largest(opened, (sigma - trial.normal_stress) * compliance)
+            outputs = [largest, self._damaging_slip(end.mean_slip_rate)]
+            # A damage that is not smooth in pure modes makes Newton's iteration slower there, no more.
+            partials = [np.where(np.isfinite(each), each, 0.0) for each in cohesion.damage_slopes_of(*outputs)]
+            by_damage = moved({damage: constant(1)}, tractions)
+            damage_by_damage = point_step.dot(partials, moved({damage: constant(1)}, outputs))
+            grows = (damage > symbol("OLD(damage)")) & (damage < 1)
+            for column, jump in zip(columns, self._jumps(), strict=True):
+                damages = point_step.dot(partials, moved({jump: constant(1)}, outputs)) / (1 - damage_by_damage)
+                damages = np.where(grows, damages, 0.0)
+                column[:] = [own + by * damages for own, by in zip(column, by_damage, strict=True)]
+        local = range(len(columns))
+        return {f"tangent[{i * len(local) + j}][l]": columns[j][i] for i in local for j in local}
+
+    def _is_closed(self) -> Any:
+        """Return the condition that a point has contact or cohesion."""
+        is_closed: Any = _in_points("sigma") > 0
+        return is_closed if self._cohesion is None else (
+            is_closed | (_in_points("tension") > 0) | (_in_points("bond") > 0)
+        )
 
     def _step_formulas(self, radiation: Expression | None, guess: Expression | None) -> dict[str, Table]:
         """Return the traced formulas of `point_step` by the name of their macro, in the order of use in `points.c`.
@@ -189,11 +295,10 @@ class PointCode:
         at_end, normal = law.at_end, int(self._fault.interface.has_normal)
         before, shear = each("OLD(mean_slip_rate + {})"), each("points->trial_shear[{}][l]")
         sigma, sigma_before = _in_points("sigma"), symbol("OLD(normal_stress)")
-        is_closed: Any = sigma > 0
+        is_closed = self._is_closed()
         bond, pressure, pressure_before = constant(0), sigma, sigma_before
         if self._cohesion is not None:
             bond = _in_points("bond")
-            is_closed = is_closed | (_in_points("tension") > 0) | (bond > 0)
             pressure, pressure_before = point_step.normal_stress(sigma), point_step.normal_stress(sigma_before)
 
         shifted = point_step.shifted_trial(shear, each("points->z[{}][l]"), before, symbol("carried"))
@@ -250,7 +355,7 @@ class PointCode:
                 **{f"NEW(slip_rate + {k})": now[k] for k in tangents},
                 **{f"NEW(shear_traction + {k})": result.shear_traction[k] for k in tangents},
                 **{f"NEW({name})": at[f"n_{name}"] for name in law.state_names},
-                **({} if radiation is None else {f"points->{name}[l]": at[name] for name in law.slopes}),
+                **({} if radiation is None else {f"points->{name}[l]": at[name] for name in ("strength", *law.slopes)}),
             },
             "WRITE_BACK": {
                 **{f"NEW(slip + {k})": slips[k] for k in tangents},
@@ -259,6 +364,13 @@ class PointCode:
                    - symbol(f"FIXED(shear_traction_0 + {k})") for k in tangents},
             },
         }  # fmt: skip
+
+
+def normal_traction() -> Table:
+    """Return the formula of the normal traction, tension positive, and of its derivative by a trial one."""
+    trial, tension, softness = map(symbol, ("trial", "tension", "softness"))  # type: Any, Any, Any
+    traction = -point_step.normal_stress(-trial, tension, softness)
+    return {"traction": traction, "slope": derivative(traction, trial)}
 
 
 def scalar_step() -> dict[str, Table]:
@@ -279,6 +391,10 @@ def scalar_step() -> dict[str, Table]:
 
 def _in_points(name: str) -> Any:
     return symbol(f"points->{name}[l]")
+
+
+def _largest(before: Any, now: Any) -> Any:
+    return np.where(now > before, now, before)
 
 
 Part = TypeVar("Part", point_step.ShiftedTrial, point_step.Iterate)

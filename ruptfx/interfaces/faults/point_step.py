@@ -40,9 +40,18 @@ Vector = Sequence[Any]
 """An `Array` per tangent."""
 
 
-def normal_stress(trial: Array) -> Any:
-    """Return the admissible normal stress of a trial one without cohesion [Pa]."""
-    return np.where(trial > 0, trial, 0.0)
+def normal_stress(trial: Array, tension: Array | None = None, softness: Array = 0.0) -> Any:
+    """Return the admissible normal stress of a trial one, compression positive [Pa].
+
+    Parameters
+    ----------
+    tension : largest tension that cohesion carries, on the secant to the origin [Pa]; default: no cohesion.
+    softness : largest opening over the compliance of the trial [Pa].
+    """
+    if tension is None:
+        return np.where(trial > 0, trial, 0.0)
+    carried = -trial * np.where(tension > 0, tension / (tension + softness), 0.0)
+    return np.where(trial > 0, trial, 0.0 - np.where(carried < tension, carried, tension))
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ struct points {
     lanes shear[TANGENTS], size, shift[TANGENTS], shift_along, mean_impedance, free_velocity[TANGENTS], free_direction[TANGENTS], free_rate;  // `ShiftedTrial`
     lanes rate_before, speed_before, speed_then; // mean slip rate before, along and in size; slip rate at that traction
     lanes sigma, rate, low, high, direction[TANGENTS], goes_on;  // normal stress, and V as an `Iterate`
-    lanes slope, stress_slope, before_slope;     // of the strength, for implicit steps
+    lanes strength, slope, stress_slope, before_slope;  // at V, and its derivatives, for implicit steps
     lanes change[LOCAL];                         // traction beyond the initial one
     lanes met;                                   // energy lost by contact that opens or closes within the step [J]
 #if BONDED
@@ -65,47 +65,19 @@ struct points {
 #endif
 
 #if BONDED
-// Strength that a damage leaves, and the normal stress on the secant of the largest opening.
-INLINE void hold_at(const double *number, struct points *points, int l, double bond_damage, double largest)
-{
-    (void)number;
-    double left, slope;
-    { LEFT }
-    left = bond_damage < 1 ? left : 0;
-    const double most = TENSILE_STRENGTH * left, softness = largest / points->compliance[l];
-    points->tension[l] = most;
-    points->bond[l] = COHESION * left;
-    points->sigma[l] = 0 - admissible_normal(-points->trial_normal[l], most, softness, &slope);
-}
-
 // Cohesion at a known opening and slip, and with it the normal stress (cohesive_interface.py).
 INLINE void hold(const struct times *times, const double *number, struct points *points)
 {
     UNPACK_TIMES
-    EACH_LANE {
-        double slid = 0;
-        EACH_TANGENT slid += OLD(mean_slip_rate + k) * OLD(mean_slip_rate + k);
-        const double before = OLD(largest_opening);
-        const double bond_opening = points->opening[l] > before ? points->opening[l] : before;
-        const double bond_slip = OLD(damaging_slip) + since * sqrt(slid);
-        double damage;
-        { DAMAGE }
-        NEW(largest_opening) = bond_opening;
-        NEW(damaging_slip) = bond_slip;
-        NEW(damage) = damage > OLD(damage) ? damage : OLD(damage);
-        hold_at(number, points, l, NEW(damage), bond_opening);
-    }
+    EACH_LANE { double damage; DAMAGE NEW(damage) = damage; }
+    EACH_LANE { COHESIVE_STRENGTH }
 }
 
 // Cohesion at `points->damage`, and with it the normal stress, of which opening follows.
 INLINE void hold_damaged(const double *number, struct points *points)
 {
-    EACH_LANE {
-        const double before = OLD(largest_opening);
-        hold_at(number, points, l, points->damage[l], before);
-        const double opened = (points->sigma[l] - points->trial_normal[l]) * points->compliance[l];
-        NEW(largest_opening) = opened > before ? opened : before;
-    }
+    EACH_LANE { COHESIVE_STRENGTH }
+    EACH_LANE { OPENED }
 }
 
 // The next damages to try; whether there is a point that has to.
@@ -115,13 +87,10 @@ INLINE int search_damages(const struct times *times, const double *number, struc
     lanes missing;
     int any = 0;
     EACH_LANE {
-        double square = 0, damage;
-        EACH_TANGENT square += NEW(mean_slip_rate + k) * NEW(mean_slip_rate + k);
-        const double bond_opening = NEW(largest_opening), bond_slip = OLD(damaging_slip) + since * sqrt(square);
+        double damage;
         { DAMAGE }
-        NEW(damaging_slip) = bond_slip;
         NEW(damage) = points->damage[l];
-        missing[l] = (damage > OLD(damage) ? damage : OLD(damage)) - points->damage[l];
+        missing[l] = damage - points->damage[l];
     }
     for (int l = 0; l < LANES; l++) {
         if (at[l].calls == 0 || at[l].open) any |= search_damage(at + l, missing[l], DAMAGED, DAMAGED, MAX_ITERATIONS);
@@ -206,14 +175,10 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
         (void)whole, (void)normal_stress_then, (void)has_strength;
 #if BONDED && AT_END
         // Mean tractions work between those before and now; cohesion carries its share of both.
-        double left, before = 0, broken = 0;
-        {
-            const double bond_damage = OLD(damage);
-            { LEFT }
-            left = bond_damage < 1 ? left : 0;
-        }
+        double cohesion, before = 0, broken = 0;
+        { COHESION_BEFORE }
         EACH_TANGENT before += OLD(shear_traction + k) * OLD(shear_traction + k);
-        const double share_old = cohesive_share(COHESION * left, sqrt(before)), share_now = cohesive_share(points->bond[l], sqrt(whole));
+        const double share_old = cohesive_share(cohesion, sqrt(before)), share_now = cohesive_share(points->bond[l], sqrt(whole));
         EACH_TANGENT {
             const double rate_old = since > 0 ? OLD(mean_slip_rate + k) : 0, rate = NEW(mean_slip_rate + k);
             const double traction_old = share_old * OLD(shear_traction + k);

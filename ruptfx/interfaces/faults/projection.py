@@ -52,8 +52,7 @@ class CohesiveStrength:
     def normal_stress(self, trial: np.ndarray) -> np.ndarray:
         """Return the admissible normal stress for a trial one, compression positive [Pa]."""
         with np.errstate(all="ignore"):
-            secant = np.where(self.tension > 0, self.tension / (self.tension + self.opening / self.compliance), 0.0)
-        return np.where(trial > 0, trial, 0.0 - np.minimum(self.tension, -trial * secant))
+            return np.asarray(point_step.normal_stress(trial, self.tension, self.opening / self.compliance))
 
 
 def parameters_as_symbols(part: PartOfCase, prefix: str) -> tuple[Table, PartOfCase]:

@@ -1,5 +1,5 @@
 // The return map of contact in scalars, for the points of interfaces (points.c), facets (cracks.c, patch.c, rigid.c) and
-// collisions (collide.c): shear and normal traction, damage, and the split of the work between cohesion and friction.
+// collisions (collide.c): shear traction, damage, and the split of the work between cohesion and friction.
 #include <math.h>
 
 #ifndef INLINE
@@ -9,15 +9,6 @@
 INLINE double admissible_shear(double trial, double strength)
 {
     return fabs(trial) > strength ? copysign(strength, trial) : trial;
-}
-
-// Normal traction (tension is positive) for a trial one, and its derivative: pressure is carried, tension is at most `most`, what
-// cohesion has left, and lies on the secant to the origin. softness: largest opening over the compliance of the trial.
-INLINE double admissible_normal(double trial, double most, double softness, double *slope)
-{
-    const double secant = most > 0 ? most / (most + softness) : 0, carried = trial * secant;
-    *slope = trial < 0 ? 1 : carried < most ? secant : 0;
-    return trial < 0 ? trial : carried < most ? carried : most;
 }
 
 // Part of a shear traction that cohesion carries: its strength first, and friction the rest.
