@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ruptfx.stepping.steppers._runge_kutta import ERROR, NODES, WEIGHTS, attempt, following, shortened
+from ruptfx.stepping.steppers._runge_kutta import ERROR, NODES, WEIGHTS, attempt
 
 
 def test_coefficients_fulfil_the_conditions_of_their_order() -> None:
@@ -26,8 +26,3 @@ def test_errors_decrease_with_the_order() -> None:
     errors = [abs(float(end[0, 0]) - np.exp(dt)) for end, dt in zip(ends, (0.2, 0.1), strict=True)]
     assert last == (1, 1) and errors[0] / errors[1] == pytest.approx(64, rel=0.1)
     assert float(wrong[0][0, 0] / wrong[1][0, 0]) == pytest.approx(32, rel=0.1)
-
-
-def test_lengths_of_steps_follow_the_fifth_root_of_the_error() -> None:
-    assert shortened(1.0, 32.0) == pytest.approx(0.45) and shortened(1.0, 1e9) == 0.2
-    assert following(2.0, 1 / 32) == pytest.approx(3.6) and following(2.0, 0.0) == 10.0

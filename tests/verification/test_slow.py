@@ -149,14 +149,14 @@ def test_steps_without_numbers_of_the_case_are_those_of_the_documentation() -> N
     motion = case.stepper.bind(model := Model(case))
     assert motion.slip_tolerance == pytest.approx(D_C / 50)
     assert motion.dt == pytest.approx(D_C / 50 / (1.02 * V), rel=3e-3)  # three digits
-    assert (motion._greatest, motion._smallest) == pytest.approx((3.0, 0.1 * stable_time_step(model)))
+    assert (motion.greatest, motion.smallest) == pytest.approx((3.0, 0.1 * stable_time_step(model)))
     case = parse_case(slider(K_C, {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.6}}))
     # Without a length: a fiftieth of the slip that relaxes a hundredth of the normal stress over 0.1 m.
     tolerance = 0.02 * 0.01 * 0.1 * SIGMA / (K_C * HEIGHT)
     assert case.stepper.bind(Model(case)).slip_tolerance == pytest.approx(tolerance)
     case = parse_case(slider(K_C, {"stepper": {"kind": "quasi_dynamic"}}))
     motion = case.stepper.bind(Model(case))
-    assert motion.dt == pytest.approx(0.01 * D_C / V, rel=0.02) and motion._greatest == 3.0
+    assert motion.dt == pytest.approx(0.01 * D_C / V, rel=0.02) and motion.greatest == 3.0
 
 
 @pytest.mark.parametrize("error, newton, factor", [
@@ -166,7 +166,7 @@ def test_the_next_step_follows_the_error_and_the_iterations(error: float, newton
     """0.8 over the root of the error, at most 1.5; at most 1 above 6 and 0.7 above 12 iterations; down to 2^(n / 4)."""
     case = parse_case(slider(K_C))
     motion = case.stepper.bind(Model(case))
-    assert motion._next(0.5, error, SimpleNamespace(iterations=2 * newton, outer=2)) == pytest.approx(
+    assert motion.following(0.5, error, SimpleNamespace(iterations=2 * newton, outer=2)) == pytest.approx(
         0.5 * factor, rel=2e-3
     )  # three digits
 

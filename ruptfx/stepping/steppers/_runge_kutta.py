@@ -25,7 +25,6 @@ WEIGHTS = tuple(np.array(row) for row in (
 ERROR = np.array([-71 / 57600, 0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40])
 """Solution of order four less that of order five."""
 Answer = TypeVar("Answer")
-MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
 
 
 def attempt(
@@ -42,13 +41,3 @@ def attempt(
         y = start + dt * np.tensordot(weights, slopes[:stage], 1)
         slopes[stage], answer = slope(part, y)
     return y, np.abs(dt * np.tensordot(ERROR, slopes, 1)), answer
-
-
-def shortened(dt: float, error: float) -> float:
-    """Return the length of a step to repeat one whose error is above its tolerance, by their ratio."""
-    return dt * max(MOST_SHRINKING, SAFETY * error**-0.2)
-
-
-def following(dt: float, error: float) -> float:
-    """Return the length of the step after one whose error is within its tolerance, by their ratio."""
-    return dt * min(MOST_GROWTH, SAFETY * max(error, 1e-10) ** -0.2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ruptfx.stepping.implicit.equilibrium import Equilibrium
 from ruptfx.stepping.implicit.options import PetscOptions
+from ruptfx.stepping.steppers._adaptive import AdaptiveMotion, Result
 from ruptfx.stepping.steppers._radiation import radiation_impedance
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from ruptfx.stepping.implicit.solution import Solution
 
 
-class SlowMotion:
+class SlowMotion(AdaptiveMotion[Result]):
     """Steps from one equilibrium to the next; `State.velocity` is the mean velocity of the last step.
 
     Attributes
@@ -25,8 +26,6 @@ class SlowMotion:
     radiation : dict of str to ndarray, shape (n,)
         Impedance of radiation damping, traction per slip rate, by fault [Pa s/m]; zero without it.
     """
-
-    collective = True
 
     def __init__(self, model: System, radiates: bool, petsc_options: PetscOptions | None = None) -> None:
         self.model = model

@@ -17,6 +17,7 @@ from ruptfx.stepping.implicit.equilibrium import Equilibrium
 from ruptfx.stepping.implicit.options import PetscOptions
 from ruptfx.stepping.implicit.solution import Rates
 from ruptfx.stepping.steppers import Stepper
+from ruptfx.stepping.steppers._adaptive import AdaptiveMotion
 
 if TYPE_CHECKING:
     from ruptfx.bodies.state import State
@@ -101,48 +102,37 @@ class GeneralizedAlpha(Stepper):
         return self.time_step or parallel.three_digits(self.courant * stable_time_step(model))
 
 
-class GeneralizedAlphaMotion:
-    """Generalized-alpha bound to a model.
+class GeneralizedAlphaMotion(AdaptiveMotion[bool]):
+    """Generalized-alpha bound to a model, with the longest steps that have an equilibrium.
 
-    The acceleration is `state.fields["acceleration"]`, the size of the next step `state.numbers["dt"]`.
+    The acceleration is `state.fields["acceleration"]`.
     """
 
-    collective = True
+    factors = (0.5, 2.0)
 
     def __init__(self, model: System, stepper: GeneralizedAlpha, dt: float) -> None:
-        self.model, self.dt = model, dt
+        self.model, self.dt, self.greatest = model, dt, dt
         self._weights, self._halvings = stepper.weights(), stepper.halvings
         self._equilibrium = Equilibrium(model, stepper.petsc_options)
         self._driven = model.loads.prescribed
 
-    def step(self, state: State) -> None:
-        """Make one step, the longest that finds an equilibrium; collective.
-
-        Raises
-        ------
-        ConvergenceError
-            On all ranks: no equilibrium after the last halving; the state is that of the last accepted step.
-        """
+    def begin(self, state: State) -> None:
         self._equilibrium.begin(state)
-        carried = self._equilibrium.forces.carried(state)
+        self._carried = self._equilibrium.forces.carried(state)
         if "acceleration" not in state.fields:
-            state.fields["acceleration"] = self._equilibrium.forces.acceleration(-carried)
-        planned = state.numbers.get("dt", self.dt)
-        dt = shortened = self.model.loads.shortened(state.time, planned)
-        smallest = self.dt * 0.5**self._halvings
-        while True:
-            try:
-                self._advance(state, dt, carried)
-            except ConvergenceError as error:
-                if dt < 1.5 * smallest:
-                    raise ConvergenceError(
-                        f"{error}; the step was halved {self._halvings} times: reduce stepper.time_step, or raise "
-                        "stepper.halvings"
-                    ) from None
-                dt *= 0.5
-            else:
-                state.numbers["dt"] = planned if dt == shortened < planned else min(2 * dt, self.dt)
-                return
+            state.fields["acceleration"] = self._equilibrium.forces.acceleration(-self._carried)
+
+    def attempt(self, state: State, dt: float, halvings: int) -> bool | None:
+        try:
+            self._advance(state, dt, self._carried)
+        except ConvergenceError as error:
+            if dt < 1.5 * self.dt * 0.5**self._halvings:
+                raise ConvergenceError(
+                    f"{error}; the step was halved {self._halvings} times: reduce stepper.time_step, or raise "
+                    "stepper.halvings"
+                ) from None
+            return None
+        return True
 
     def leave(self, state: State) -> None:
         """Store the difference between the acceleration of the present loads and that of the scheme."""

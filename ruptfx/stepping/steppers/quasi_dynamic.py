@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ruptfx.stepping.implicit.loaded_bodies import LoadedBodies
 from ruptfx.stepping.implicit.solution import Solution
 from ruptfx.stepping.steppers import Stepper
 from ruptfx.stepping.steppers._evolution import evolution_of
-from ruptfx.stepping.steppers._runge_kutta import attempt, following, shortened
+from ruptfx.stepping.steppers._runge_kutta import attempt
 from ruptfx.stepping.steppers._slow import SlowMotion
 
 if TYPE_CHECKING:
@@ -32,6 +32,30 @@ if TYPE_CHECKING:
 
 OPENS = 0.01  # part of its initial normal stress below which a fault counts as opening
 LEAST = 1e-14  # smallest step over time, close to rounding
+
+
+class Attempt(NamedTuple):
+    """A step and what all points have at its end.
+
+    Attributes
+    ----------
+    dt : float
+        [s]
+    end : ndarray, shape (points, tangents + states)
+        Slip and state.
+    traction : ndarray, shape (points, local)
+        Beyond the initial one [Pa].
+    rate : ndarray, shape (points, tangents)
+        Slip rate [m/s].
+    error : float
+        Over the tolerance.
+    """
+
+    dt: float
+    end: np.ndarray
+    traction: np.ndarray
+    rate: np.ndarray
+    error: float
 
 
 class QuasiDynamic(Stepper):
@@ -66,7 +90,7 @@ class QuasiDynamic(Stepper):
         return QuasiDynamicMotion(model, self)
 
 
-class QuasiDynamicMotion(SlowMotion):
+class QuasiDynamicMotion(SlowMotion["Attempt"]):
     """Steps bound to a model; all ranks know slip and state of all points, each evaluates the laws of its own."""
 
     def __init__(self, model: System, stepper: QuasiDynamic) -> None:
@@ -78,20 +102,20 @@ class QuasiDynamicMotion(SlowMotion):
             )
         self._stepper = stepper
         self._unbalanced: ConvergenceError | None = None
-        self._greatest = stepper.largest_step or model.case.duration / 100
+        self.greatest = stepper.largest_step or model.case.duration / 100
         self._shear = slice(int(model.faults[0].interface.has_normal), None)
-        self._bodies = LoadedBodies(self.equilibrium, self._shear, self._greatest)
+        self._bodies = LoadedBodies(self.equilibrium, self._shear, self.greatest)
         self._jumps = self._bodies.jumps
         self._strengths = {fault.name: StrengthAtState(fault.friction) for fault in model.faults}
         self._evolutions = {fault.name: evolution_of(model, fault) for fault in model.faults}
         self._states = max(evolution.columns for evolution in self._evolutions.values())
         self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
-        self.dt = min(stepper.first_step or self._first_step(), self._greatest)
+        self.dt = min(stepper.first_step or self._first_step(), self.greatest)
 
     def _first_step(self) -> float:
         fastest = self._of_all(lambda fault: self._carried_rate(fault, fault.initial_state()))
         rate = float((fastest / self._D_c).max(initial=0.0))
-        return parallel.three_digits(0.01 / rate) if rate > 0 else self._greatest
+        return parallel.three_digits(0.01 / rate) if rate > 0 else self.greatest
 
     def _initial_guess(self, fault: Fault, fields: FaultState) -> np.ndarray:
         """Return slip rates as first iterates of Newton's method [m/s], shape (n,).
@@ -119,34 +143,32 @@ class QuasiDynamicMotion(SlowMotion):
         variables = self._evolutions[fault.name].variables(fields)
         return np.pad(variables, ((0, 0), (0, self._states - variables.shape[1])))
 
-    def step(self, state: State) -> None:
-        """Make one step within the tolerance; collective.
-
-        Raises
-        ------
-        ConvergenceError
-            On all ranks, with an unchanged state: a point without a slip rate that balances its traction, no step short
-            enough, or a fault that opens.
-        """
+    def begin(self, state: State) -> None:
         self._refuse_to_open(state)
-        dt = min(state.numbers.get("dt", self.dt), self._greatest)
         slip = self._of_all(lambda fault: fault.components(state.faults[fault.name], "slip"))
-        start = np.column_stack([slip, self._of_all(lambda fault: self._variables(fault, state.faults[fault.name]))])
+        variables = self._of_all(lambda fault: self._variables(fault, state.faults[fault.name]))
+        self._start = np.column_stack([slip, variables])
         self._guess = self._of_all(lambda fault: self._initial_guess(fault, state.faults[fault.name]))
-        while True:
-            end, answer, error = self._attempt(state.time, dt, start)
-            if error <= 1:
-                break
-            dt = shortened(dt, error)
-            if dt < LEAST * (state.time + self._greatest):
-                raise ConvergenceError(
-                    f"no step is short enough at time {state.time:.9g} s, down to {dt:.3g} s; use stepper.kind = "
-                    "'quasi_static'"
-                )
-        solution = self._solution(state, dt, end, *answer)
+
+    def longest(self, state: State, planned: float) -> float:
+        return planned
+
+    def error(self, state: State, result: Attempt) -> float:
+        return result.error
+
+    def accepts(self, state: State, dt: float, result: Attempt, error: float) -> bool:
+        shorter = self.scaled(dt, error, self.powers[0])
+        if error > 1 and shorter < LEAST * (state.time + self.greatest):
+            raise ConvergenceError(
+                f"no step is short enough at time {state.time:.9g} s, down to {shorter:.3g} s; use stepper.kind = "
+                "'quasi_static'"
+            )
+        return error <= 1
+
+    def commit(self, state: State, result: Attempt) -> None:
+        solution = self._solution(state, result)
         self.count_radiation(state, solution)
         self.take(state, solution)
-        state.numbers["dt"] = following(dt, error)
 
     def _refuse_to_open(self, state: State) -> None:
         for fault in self.model.faults:
@@ -157,10 +179,8 @@ class QuasiDynamicMotion(SlowMotion):
                     "normal stress is left; use stepper.kind = 'quasi_static'"
                 )
 
-    def _attempt(
-        self, time: float, dt: float, start: np.ndarray
-    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
-        """Return slip and state, tractions and slip rates at the end of a step, and the error over the tolerance."""
+    def attempt(self, state: State, dt: float, halvings: int) -> Attempt:
+        time = state.time
         loaded, later = self._bodies.loaded_jump(time), self._bodies.loaded_jump(time + dt)
         growth = (later - loaded) / dt  # loads are linear in time over a step
 
@@ -170,12 +190,12 @@ class QuasiDynamicMotion(SlowMotion):
                 parallel.raise_on_all(self.model.comm, self._unbalanced)
             return slopes, (answer[0], answer[1])
 
-        y, wrong, answer = attempt(slope, start, dt)
+        y, wrong, answer = attempt(slope, self._start, dt)
         shear = y.shape[1] - self._states
         wrong[:, :shear] /= self._D_c[:, None]
         wrong[:, shear:] = self._of_all(lambda fault: self._errors(fault, time + dt, y, wrong, *answer))
         error = float(parallel.agreed(self.model.comm, wrong.max(initial=0.0))) / self._stepper.tolerance
-        return parallel.agreed(self.model.comm, y), answer, error if np.isfinite(error) else np.inf
+        return Attempt(dt, parallel.agreed(self.model.comm, y), *answer, error if np.isfinite(error) else np.inf)
 
     def _errors(
         self, fault: Fault, time: float, y: np.ndarray, wrong: np.ndarray, traction: np.ndarray, rate: np.ndarray
@@ -261,10 +281,8 @@ class QuasiDynamicMotion(SlowMotion):
         pressure = fault.normal_stress_0 - (traction[:, 0] if fault.interface.has_normal else 0.0)
         return pressure, fault.driving_shear(time) + traction[:, self._shear]
 
-    def _solution(
-        self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
-    ) -> Solution:
-        """Return the solution of a step from slip and state, tractions and slip rates at its end."""
+    def _solution(self, state: State, result: Attempt) -> Solution:
+        dt, end, traction, rate, _ = result
         model, jumps, time = self.model, self._jumps, state.time + dt
         moved = model.loads.moved(state.displacement, state.time, time)
         u, internal = self._bodies.displacement(moved, time, end[:, : end.shape[1] - self._states], traction)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from ruptfx.stepping.implicit.solution import Solution
 
 MOST_HALVINGS = 12
-MOST_GROWTH, MOST_SHRINKING = 1.5, 0.1
 NEVER = 1e30  # length of a law that stands for none [m]
 MOST_DAMAGE = 0.1  # growth of the damage of cohesion in a step
 EASY, HARD = 6, 12  # Newton iterations up to which a step grows, and from which on it shrinks
@@ -73,16 +72,18 @@ class QuasiStatic(Stepper):
         return QuasiStaticMotion(model.in_steps("implicit"), self)
 
 
-class QuasiStaticMotion(SlowMotion):
-    """Quasi-static steps bound to a model; the size of the next step is in `State.numbers`."""
+class QuasiStaticMotion(SlowMotion["Solution"]):
+    """Quasi-static steps bound to a model."""
+
+    safety, powers, factors = 0.8, (1.0, 0.5), (0.1, 1.5)
 
     def __init__(self, model: System, stepper: QuasiStatic) -> None:
         super().__init__(model, stepper.radiation_damping, stepper.petsc_options)
         self._stepper = stepper
         self.slip_tolerance = stepper.slip_tolerance or self._chosen_tolerance()
-        self._smallest = stepper.smallest_step or 0.1 * stable_time_step(model)
-        self._greatest = stepper.largest_step or model.case.duration / 100
-        self.dt = parallel.three_digits(min(stepper.first_step or self._first_step(), self._greatest))
+        self.smallest = stepper.smallest_step or 0.1 * stable_time_step(model)
+        self.greatest = stepper.largest_step or model.case.duration / 100
+        self.dt = parallel.three_digits(min(stepper.first_step or self._first_step(), self.greatest))
         self._warned = False
 
     def _chosen_tolerance(self) -> float:
@@ -94,34 +95,7 @@ class QuasiStaticMotion(SlowMotion):
             creep = np.linalg.norm(fault.components(fault.initial_state(), "slip_rate"), axis=1)
             speeds.append(float(creep.max(initial=0.0)))
         fastest = parallel.largest(self.model.comm, max(speeds, default=0.0))
-        return self.slip_tolerance / fastest if fastest > 0 else self._greatest
-
-    def step(self, state: State) -> None:
-        """Make one step that converged and is accurate enough, or is of the smallest size; collective.
-
-        Raises
-        ------
-        ConvergenceError
-            On all ranks, with an unchanged state: no convergence after halving the step.
-        """
-        planned, halvings = state.numbers.get("dt", self.dt), 0
-        dt = shortened = self.model.loads.shortened(state.time, planned)
-        while True:
-            solution = self._solve(state, dt, halvings)
-            if solution is None:
-                dt, halvings = parallel.three_digits(0.5 * dt), halvings + 1
-                continue
-            error = self._error(state, solution)
-            if error <= 1:
-                break
-            if dt <= self._smallest:
-                self._require_resolved(state, solution)
-                self._warn(state, error)
-                break
-            dt = parallel.three_digits(max(dt * stepped(max(0.8 / error, MOST_SHRINKING)), self._smallest))
-        self._commit(state, solution)
-        following = self._next(dt, error, solution)
-        state.numbers["dt"] = max(following, planned) if dt == shortened < planned else following
+        return self.slip_tolerance / fastest if fastest > 0 else self.greatest
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies at the end of the step [J]."""
@@ -142,8 +116,7 @@ class QuasiStaticMotion(SlowMotion):
         """Limit the next step to the first step of a run, as other loads may be faster."""
         state.numbers["dt"] = min(state.numbers["dt"], self.dt)
 
-    def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
-        """Return the equilibrium, or None where none is found and a smaller step may help."""
+    def attempt(self, state: State, dt: float, halvings: int) -> Solution | None:
         alone = self.equilibrium.interface_steps
         if alone is not None and (carried := Carried.of(state)) is not None:
             try:
@@ -163,8 +136,13 @@ class QuasiStaticMotion(SlowMotion):
             advice = "slip may be unstable here: use radiation_damping = true, or kind = 'hybrid'"
             raise ConvergenceError(f"{error}; the step was halved {halvings} times, {advice}") from None
 
-    def _commit(self, state: State, solution: Solution) -> None:
-        """Copy a step to the state, and count energies."""
+    def accepts(self, state: State, dt: float, solution: Solution, error: float) -> bool:
+        if error > 1 and dt <= self.smallest:
+            self._require_resolved(state, solution)
+            self._warn(state, error)
+        return error <= 1 or dt <= self.smallest
+
+    def commit(self, state: State, solution: Solution) -> None:
         self.count_radiation(state, solution)
         alone = self.equilibrium.interface_steps
         if alone is not None and isinstance(solution, InterfaceSolution):
@@ -194,11 +172,11 @@ class QuasiStaticMotion(SlowMotion):
         if not self._warned:
             logging.getLogger("ruptfx.run").warning(
                 "slip runs away at %.9g s: its error is %.3g times the tolerance in steps of %.3g s, and these are the "
-                "smallest; use radiation_damping = true, or kind = 'hybrid'", state.time, error, self._smallest,
+                "smallest; use radiation_damping = true, or kind = 'hybrid'", state.time, error, self.smallest,
             )  # fmt: skip
         self._warned = True
 
-    def _error(self, state: State, solution: Solution) -> float:
+    def error(self, state: State, solution: Solution) -> float:
         """Return the error of slip and strength, and growth of damage, over their tolerances, largest of all points."""
         worst, dt = solution.slid, solution.dt
         for fault in self.model.faults:
@@ -236,21 +214,21 @@ class QuasiStaticMotion(SlowMotion):
         error = 0.5 * np.abs(first - last) / pressure
         return float(np.max(error * (stress > 0), initial=0.0))
 
-    def _next(self, dt: float, error: float, solution: Solution) -> float:
-        """Return the size of the next step [s]."""
-        growth = min(0.8 / np.sqrt(max(error, 1e-12)), MOST_GROWTH)
-        newton = solution.iterations / solution.outer
-        if newton > EASY:
-            growth = min(growth, 0.7 if newton > HARD else 1.0)
-        return parallel.three_digits(min(max(dt * stepped(growth), self._smallest), self._greatest))
+    def following(self, dt: float, error: float, solution: Solution) -> float:
+        newton, by_error = solution.iterations / solution.outer, super().following(dt, error, solution)
+        if newton <= EASY:
+            return by_error
+        return min(by_error, self.rounded(max(dt * self.ratio(0.7 if newton > HARD else 1.0), self.smallest)))
 
+    def rounded(self, dt: float) -> float:
+        return parallel.three_digits(dt)
 
-def stepped(factor: float) -> float:
-    """Return a factor rounded down to a quarter of an octave.
+    def ratio(self, factor: float) -> float:
+        """Return a factor rounded down to a quarter of an octave.
 
-    Rounding of the error, which depends on the number of ranks, then hardly ever changes the size of a step.
-    """
-    return float(2 ** (np.floor(4 * np.log2(factor)) / 4))
+        Rounding of the error, which depends on the number of ranks, then hardly ever changes the size of a step.
+        """
+        return float(2 ** (np.floor(4 * np.log2(factor)) / 4))
 
 
 def slip_to_resolve(model: System, fault: Fault) -> float:
