@@ -355,6 +355,7 @@ COMMANDS = (
     Command("run demos/rough_3d.toml --out run", {"rough_3d": "rupture_map"}),
     Command("run demos/branch_3d.toml --out run", {"branch_3d": "rupture_map"}),
     Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),
+    Command("spring_block.py", {"spring_block_fronts": "spring_block/front_speed"}),
     Command("impact_figures.py", {"modes": "modes", "tip_speed": "tip_speed", "slip_and_jump": "slip_and_jump",
                                   "fringes": "fringes"}, DEMOS / "pictures",
             tuple(f"study demos/{name}.toml --out studies/{name}" for name in ("mode_map", "mode_map_best"))),

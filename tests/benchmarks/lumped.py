@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray
@@ -51,6 +51,8 @@ SURFACES = [
 WEIGHT, A, B, D_C = 16.0, 0.013, 0.026, 0.42e-6
 K_C = WEIGHT * (B - A) / D_C
 CHAIN_SEEDS = (1, 2, 3)
+PRINTED_DAMPING = 3.45e4  # 1/s
+BLOCK_MASS = 0.0756  # kg, of 140 x 75 x 6 mm of PMMA; the source prints 11.5 kg
 
 
 def timed(work: Callable[[], object]) -> tuple[Any, float]:
@@ -184,7 +186,37 @@ def chain_checks() -> list[Check]:
         Check("stress kept by sliding, stiff, mean", 0.5, released, 0, "1", CHAIN, "at most"),
         Check("correlation of length and force, precursors that drop it", 0.5, correlation, 0, "1", CHAIN, "at least"),
         run_time("run time to the fifth large event", 60, seconds),
+        *front_speed_checks(soft),
     ]
+
+
+def front_speed_checks(printed: xarray.Dataset) -> list[Check]:
+    """Return the checks of what decides the speed of fronts: damping over the frequency sqrt(K_s / m) of the contacts.
+
+    The source says in words that fronts accelerate until they approach the wave speed of the chain. With the printed
+    damping a block on its contacts is overdamped, eta > 2 sqrt(K_s / m).
+    """
+    model = SpringBlock(large_events=1, duration=3.0)
+    bounds: tuple[tuple[str, dict[str, float], Literal["at least", "at most"], float], ...] = (
+        ("damping / 3", {"damping": PRINTED_DAMPING / 3}, "at most", 0.2),
+        ("damping / 10", {"damping": PRINTED_DAMPING / 10}, "at least", 0.2),
+        ("damping / 100", {"damping": PRINTED_DAMPING / 100}, "at least", 0.5),
+        ("mass of the block, printed damping", {"mass": BLOCK_MASS}, "at least", 0.2),
+        ("scatter of 0.2, printed damping", {"scatter": 0.2}, "at most", 0.1),
+        ("delay of 50 ms, printed damping", {"delay": 0.05}, "at most", 0.1),
+    )
+    name = "median speed of fronts over the chain's"
+    frequency = np.sqrt(model.interface_ratio * model.stiffness * model.blocks / model.mass)
+    return [
+        Check("damping over the frequency of a block on its contacts", 2, PRINTED_DAMPING / frequency, 0, "1", CHAIN,
+              "at least"),
+        Check(f"{name}, printed damping", 0.1, float(printed.front_speed), 0, "1", CHAIN, "at most"),
+        *(
+            Check(f"{name}, {what}", bound, float(model.model_copy(update=changes).run().front_speed), 0, "1", CHAIN,
+                  relation)
+            for what, changes, relation, bound in bounds
+        ),
+    ]  # fmt: skip
 
 
 def slider_checks() -> list[Check]:

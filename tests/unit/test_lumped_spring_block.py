@@ -161,3 +161,15 @@ def test_detachments_within_two_delays_are_one_event(apart: float, events: int) 
     time, force = np.linspace(0.0, 20.0, 201), np.ones(201)
     breaks = Breaks(np.array([5.0, 5.0 + apart]), np.array([0, 1]), np.array([2, 2]), 1.0, np.array([2, 2]))
     assert len(catalogue(breaks, time, force, 0.5)) == events
+
+
+def test_damping_over_the_frequency_of_the_contacts_decides_the_speed_of_fronts() -> None:
+    """The printed 3.45e4 1/s over sqrt(K_s N / M) = 9745 1/s is 3.54, above critical; fronts are slower than 0.1 there.
+
+    A hundredth of the damping at the same frequency gives more than half of the wave speed, as the page says.
+    """
+    model = SpringBlock(contacts=30, large_events=1, duration=3.0)
+    frequency = np.sqrt(model.stiffness * model.blocks / model.mass)
+    assert model.damping / frequency == pytest.approx(3.5404, rel=1e-4)
+    slow, fast = (model.model_copy(update={"damping": 3.45e4 / factor}).run() for factor in (1, 100))
+    assert float(slow.front_speed) < 0.1 and float(fast.front_speed) > 0.5

@@ -33,6 +33,19 @@ def test_a_part_of_an_edge_is_loaded() -> None:
         force(x_range=[20e-3, 30e-3])
 
 
+def test_a_part_of_an_edge_has_springs() -> None:
+    """1e12 Pa/m along the normal and 4e11 Pa/m across, on the 4 mm of the same sides: 4e9 and 1.6e9 N/m per depth."""
+    spring = {"kind": "spring", "edge": "upper.top", "normal": 1e12, "tangential": 4e11, "x_range": [3.5e-3, 8e-3]}
+    model = Model(parse_case(plates({"boundaries": [spring]})))
+    (support,) = model.loads.supports
+    nodes, stiffness = support.nodes, support.stiffness
+    loaded = np.abs(stiffness).sum(axis=(1, 2)) > 0
+    np.testing.assert_allclose(stiffness.sum(axis=0), [[1.6e9, 0.0], [0.0, 4e9]], atol=1.0)
+    assert np.ptp(model.coordinates[nodes[loaded], 0]) == pytest.approx(4e-3)
+    with pytest.raises(CaseError, match=facts(r"boundaries\.0: upper\.top has no side .* x_range = \[0\.02, 0\.03\]")):
+        Model(parse_case(plates({"boundaries": [{**spring, "x_range": [20e-3, 30e-3]}]})))
+
+
 def test_no_traction_is_a_free_edge() -> None:
     np.testing.assert_array_equal(force(traction=[0.0, 0.0]), 0)
     np.testing.assert_allclose(force(traction=[0.0, 1e6]), [0, 12e3], atol=1e-9)

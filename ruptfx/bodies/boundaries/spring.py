@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from ruptfx.bodies.boundaries import Action, EdgeBoundary, Support
+from ruptfx.bodies.boundaries import Action, Support
+from ruptfx.bodies.boundaries._edge_sides import EdgeSides
 from ruptfx.input.schema import Unit
 from ruptfx.laws.materials import Plane
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 Foundation = Annotated[float, Field(ge=0), Unit("Pa/m")]
 
 
-class Spring(EdgeBoundary):
+class Spring(EdgeSides):
     """Elastic foundation: traction against the displacement from the initial state, k_n normal, k_t tangential.
 
     Its energy counts as strain energy, and the stable time step takes its stiffness into account.
@@ -51,7 +52,8 @@ class Spring(EdgeBoundary):
                 across = self.normal - self.tangential
                 return self.tangential * tests[j] + across * n[j] * sum(n[i] * tests[i] for i in range(c))
 
-            return edge.integral(density).reshape(-1, c)[edge.nodes]
+            return edge.integral(density, self.limits).reshape(-1, c)[edge.nodes]
 
         stiffness = np.stack([column(j) for j in range(c)], axis=2)
+        self.refuse_empty(key, edge, stiffness)
         return Action(support=Support(edge.nodes, 0.5 * (stiffness + stiffness.swapaxes(1, 2))))

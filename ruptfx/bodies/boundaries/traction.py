@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import numpy as np
 from pydantic import Field
 
-from ruptfx.bodies.boundaries import Action, EdgeBoundary, Force, Range, check_vector
+from ruptfx.bodies.boundaries import Action, Force, check_vector
+from ruptfx.bodies.boundaries._edge_sides import EdgeSides
 from ruptfx.bodies.boundaries.histories import History, course
-from ruptfx.input.schema import CaseError, Unit
+from ruptfx.input.schema import Unit
 from ruptfx.input.units import Time
 from ruptfx.laws.materials import Plane
-from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.bodies.space.edges import Edge
 
 
-class Traction(EdgeBoundary):
+class Traction(EdgeSides):
     """Traction on the edge in addition to the initial load."""
 
     example: ClassVar[str] = '{ kind = "traction", edge = "upper.top", traction = [1e6, 2e6], ramp = 3e-6 }'
@@ -31,10 +30,6 @@ class Traction(EdgeBoundary):
     """Time over which the traction grows linearly from zero."""
     history: History | None = None
     """Factor of the traction in time."""
-    x_range: Range | None = None
-    """Only the sides of elements whose middle is between these x are loaded."""
-    y_range: Range | None = None
-    """Only the sides of elements whose middle is between these y are loaded."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.traction", self.traction, components)
@@ -46,9 +41,6 @@ class Traction(EdgeBoundary):
     def act_on(self, edge: Edge, key: str) -> Action:
         if not any(self.traction):  # of which UFL makes no form
             return Action()
-        limits = [self.x_range, self.y_range]
-        nodal = edge.force(self.traction, limits)
-        if any(limits) and not parallel.total(edge.model.comm, np.abs(nodal).sum()):
-            value = ", ".join(f"{n} = {v}" for n, v in zip(("x_range", "y_range"), limits, strict=True) if v)
-            raise CaseError(f"{key}: {self.edge} has no side with its middle in {value} m; make it longer")
+        nodal = edge.force(self.traction, self.limits)
+        self.refuse_empty(key, edge, nodal)
         return Action(force=Force.of(nodal, self.factor))

@@ -96,16 +96,20 @@ class Edge:
         density = traction[0] * test if scalar else fem.ufl.inner(fem.ufl.as_vector(list(traction)), test)
         return fem.assemble_summed(self.model.space, self.model.around(density) * self.model.edge_measure(self.tag))
 
-    def integral(self, density: Callable[[list[Expr], Expr], Expr]) -> np.ndarray:
+    def integral(self, density: Callable[[list[Expr], Expr], Expr], limits: Limits = ()) -> np.ndarray:
         """Return the edge integral of a linear form of the test function, at every local degree of freedom.
 
         Parameters
         ----------
         density : callable, (components of the test function, outward normal) -> UFL expression
+        limits : sequence of pairs, optional
+            Along each axis, limits of the middle of the sides that count [m].
         """
         test = fem.ufl.TestFunction(self.model.space)
         tests = [test] if self.model.components == 1 else list(test)
         expression = density(tests, fem.ufl.FacetNormal(self.model.mesh))
+        if any(limits):
+            expression *= self._loaded_cells(limits)
         return fem.assemble_summed(self.model.space, self.model.around(expression) * self.model.edge_measure(self.tag))
 
     def _loaded_cells(self, limits: Limits) -> fem.dolfinx.fem.Function:

@@ -43,7 +43,9 @@ class SlipEvent:
     before: Array
 
 
-def slip_events(data: xarray.Dataset, threshold: float, pause: float = PAUSE) -> list[SlipEvent]:
+def slip_events(
+    data: xarray.Dataset, threshold: float, pause: float = PAUSE, settling: float = 0.0
+) -> list[SlipEvent]:
     """Return the events of an interface record in chronological order.
 
     Parameters
@@ -54,6 +56,9 @@ def slip_events(data: xarray.Dataset, threshold: float, pause: float = PAUSE) ->
         Slip rate above which a point slides [m/s].
     pause : float
         Smallest time without sliding between two events [s].
+    settling : float
+        Time after an event at which its force drop is measured [s]: while waves last, the shear force of the interface
+        is not the force of the load.
     """
     time, x = data.time.values, data.position.values
     rate = np.abs(data.slip_rate.values)
@@ -66,6 +71,7 @@ def slip_events(data: xarray.Dataset, threshold: float, pause: float = PAUSE) ->
         before, after = max(first - 1, 0), min(last + 1, len(time) - 1)
         arrival = rupture_time(rate[before : after + 1], time[before : after + 1], threshold)
         slid, shear = np.isfinite(arrival), data.shear_traction.values
+        after = max(after, min(int(np.searchsorted(time, time[last] + settling)), len(time) - 1))
         force, left = (float(np.trapezoid(shear[record], x)) for record in (before, after))
         normal = data.normal_stress.values[before]
         ratio = np.divide(shear[before], normal, out=np.full(len(x), np.nan), where=normal > 0)
