@@ -753,3 +753,53 @@ def test_bytes_of_snapshots_and_energies(
     given.instruments = ["one"]
     monkeypatch.setattr(cost, "measured", lambda *_: [(SimpleNamespace(interval=0.5), [1, 2, 3])])
     assert cost._bytes_of_files(model, [], 100) == expected + 8 * 40 * 4
+
+
+GAUGE = {"kind": "fault_receiver", "name": "fault", "position": 16e-3, "interval": 1e-7}
+DATA = {
+    "kind": "traces", "instrument": "fault", "times": [0.5e-6, 1e-6, 1.5e-6, 2e-6], "begin": 0.9e-6, "sigma": 0.5e-6,
+    "data": {"slip": [9.0, 1.0, -4.0, 2.0], "opening": [0.0, 0.0, 0.0, 0.0]}, "units": {"slip": "um", "opening": "m"},
+}  # fmt: skip
+
+
+def inferred(unknowns: list[dict[str, Any]], **of_data: Any) -> dict[str, Row]:
+    """Rows about data of a run of 3 us, and its unknowns."""
+    table = slip_weakening({"duration": 3e-6, "instruments": [GAUGE], "objective": [DATA | of_data],
+                            "unknowns": unknowns})  # fmt: skip
+    return rows(table)
+
+
+def test_check_lists_data_and_unknowns() -> None:
+    """Two traces of the three times from 0.9 us on, of up to 4 um at 0.5 um of noise; a number, and a field."""
+    field = {"key": "faults.main.initial_stress.shear", "sigma": 1e6, "correlation_length": 5e-3}
+    result = inferred([{"key": "faults.main.friction.mu_d", "shape": "number"}, field])
+    samples, variables = result["objective.0: samples"], result["unknowns: variables"]
+    assert (samples.value, samples.verdict) == (6, "ok")
+    numbers = [float(each) for each in re.findall(r"-?\d[\d.]*(?:e[-+]\d+)?", samples.note)]
+    assert numbers == [2, 3, 1e-6, 2e-6, 0.5e-6, 8]
+    points = parse_case(slip_weakening({})).mesh.length / 1e-3  # type: ignore[attr-defined]
+    assert variables.verdict == "ok" and int(variables.value) > points
+    assert re.findall(r"\d+ of them|\d+ samples", variables.note) == ["1 of them", "6 samples"]
+    # More numbers without a prior than data: 2 and 1.
+    keys = ("friction.mu_d", "friction.mu_s")
+    few = inferred([{"key": f"faults.main.{key}", "shape": "number"} for key in keys], end=1.2e-6, channels=["slip"])
+    assert (few["unknowns: variables"].value, few["unknowns: variables"].verdict) == (2, "warning")
+
+
+@pytest.mark.parametrize("changes, key", [
+    ({"begin": None, "times": [-1e-6, 0.0, 1e-6, 2e-6]}, r"objective\.0\.times"),
+    ({"data": {"slide": [0.0] * 4}, "units": {"slide": "m"}}, r"objective\.0\.data\.slide"),
+])  # fmt: skip
+@pytest.mark.parametrize("command, unknowns", [
+    ("infer", [{"key": "faults.main.friction.mu_d", "shape": "number"}]), ("gradient", []),
+])  # fmt: skip
+def test_check_warns_of_data_that_are_refused(
+    changes: dict[str, Any], key: str, command: str, unknowns: list[dict[str, Any]]
+) -> None:
+    row = inferred(unknowns, **changes)[command]
+    assert row.verdict == "warning" and re.match(key, row.note)
+
+
+def test_check_lists_unknowns_of_infer_that_are_no_unknowns() -> None:
+    row = inferred([{"key": "faults.main.friction.mu", "shape": "number"}])["infer"]
+    assert row.verdict == "warning" and re.match(r"unknowns\.0\.key", row.note)

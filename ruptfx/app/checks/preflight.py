@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from ruptfx.app.checks.data import data_rows
 from ruptfx.app.checks.loads import load_rows
 from ruptfx.app.checks.stress import stress_rows
 from ruptfx.bodies.space.inside import Inside
@@ -77,6 +78,7 @@ def preflight(case: Case) -> Iterator[Row]:
     if case.instruments:
         yield from _instrument_rows(model, motion.dt)
     yield from _camera_rows(case)
+    yield from data_rows(model)
     yield from (row_of(doubt) for doubt in doubts(model))
     yield from _record_rows(case, steps)
     yield from _cost(model, motion, steps, started, built)

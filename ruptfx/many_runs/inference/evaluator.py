@@ -39,6 +39,8 @@ class Evaluator:
         Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].
     progress : bool
         Say that the model is built.
+    model : Model, optional
+        Of the case; else it is built.
 
     Attributes
     ----------
@@ -52,11 +54,13 @@ class Evaluator:
         On all ranks: no data, no unknowns, features without an adjoint, and what `Variable` refuses.
     """
 
-    def __init__(self, case: Case, comm: fem.MPI.Comm, memory: float, progress: bool = False) -> None:
+    def __init__(
+        self, case: Case, comm: fem.MPI.Comm, memory: float, progress: bool = False, model: Model | None = None
+    ) -> None:
         self.case, self.comm, self._memory = case, comm, memory
         _check(case)
         with working("building the model", progress and comm.rank == 0):
-            model = Model(case, comm)
+            model = model or Model(case, comm)
         refuse(model)
         self._model = model.in_steps("explicit")
         for number, (unknown, place) in enumerate(chosen(self._model, case.unknowns)):
