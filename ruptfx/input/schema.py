@@ -300,6 +300,10 @@ class Part(BaseModel, metaclass=_Reworded):
     needs: ClassVar[frozenset[str]] = frozenset()
     """Capabilities that the stepper of a case must offer to this part."""
 
+    def unit_of_field(self, name: str) -> str:
+        """Return the unit of a field, which may depend on others."""
+        return unit_of(type(self), name)
+
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         """Return the JSON schema with descriptions of the keys and of `kind`."""
@@ -826,9 +830,11 @@ def unit_of_key(case: Part, key: str) -> str:
         if isinstance(node, Mapping):
             node = node.get(name)
         elif isinstance(node, list):
-            node = node[int(name)] if name.lstrip("-").isdecimal() and -len(node) <= int(name) < len(node) else None
+            number = "0" if name == "*" else name  # of all entries, which have one unit
+            inside = number.lstrip("-").isdecimal() and -len(node) <= int(number) < len(node)
+            node = node[int(number)] if inside else None
         elif isinstance(node, Part) and name in type(node).model_fields:
-            unit = unit if has_mark(type(node), name, OfKey) else unit_of(type(node), name)
+            unit = unit if has_mark(type(node), name, OfKey) else node.unit_of_field(name)
             node = getattr(node, name)
         else:
             return "1"

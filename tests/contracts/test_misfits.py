@@ -88,6 +88,68 @@ def test_a_time_shift_is_recovered_with_a_number(method: str, tmp_path: Path) ->
         assert float(result[f"{SHIFT}.best"][0]) == made.unknowns[0].best[0]
 
 
+def test_gain_and_offset_are_in_value_and_derivatives() -> None:
+    """Half the sum of ((1.2 r - 30 mm/s - d) / sigma)^2: both derivatives by hand, and that of D_c times the gain."""
+    changed = {"gain": 1.2, "offset": "-30 mm/s"}
+    case, plain = case_with(trace(**changed)), case_with(trace())
+    r, sigma = readings(plain), 0.02
+    residual = (1.2 * r - 0.03 - 0.1) / sigma
+    np.testing.assert_array_equal(readings(case), r)
+    assert Objective(case, case.objective, record=False).value == pytest.approx(0.5 * residual @ residual, rel=1e-12)
+    exact = gradient(case, unknowns=["objective.0.gain", "objective.0.offset", D_C], progress=False)
+    assert float(exact["objective.0.gain"]) == pytest.approx(residual @ r / sigma, rel=1e-12)
+    assert float(exact["objective.0.offset"]) == pytest.approx(residual.sum() / sigma, rel=1e-12)
+    assert exact["objective.0.offset"].attrs["units"] == "1/(m/s)"
+    values = [Objective(each := case.changed(D_C, 5e-6 * (1 + h)), each.objective, record=False).value
+              for h in (-1e-5, 1e-5)]  # fmt: skip
+    assert float(exact[D_C].sum()) == pytest.approx((values[1] - values[0]) / 1e-10, rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["l_bfgs", "gauss_newton"])
+def test_offset_gain_and_one_delay_of_two_gauges_are_recovered(method: str, tmp_path: Path) -> None:
+    """Two gauges on one trigger, 0.4 us late; one has a baseline of 50 mm/s, the other an amplifier of 0.9."""
+    other = {**BODY, "name": "other", "point": [22e-3, 2e-3]}
+    terms = [trace(time_shift=-4e-7, offset=0.05), trace(instrument="other", time_shift=-4e-7, gain=0.9)]
+    true = case_with(terms[0], instruments=[BODY, other], objective=terms)
+    made = Objective(true, true.objective, record=False)
+    noise = np.random.default_rng(2).normal(size=(2, len(TIMES)))
+    signals = np.array(made.expected()) + 0.005 * noise
+    data = [{"velocity": values.tolist()} for values in signals]
+    wanted = {"objective.*.time_shift": -4e-7, "objective.0.offset": 0.05, "objective.1.gain": 0.9}
+    bounds = dict(zip(wanted, (["-0.7 us", 0.0], ["-200 mm/s", 0.2], [0.5, 2.0]), strict=True))
+    widths = dict(zip(wanted, (7e-7, 0.4, 1.5), strict=True))
+    start = [trace(time_shift=-1e-7, instrument=name, data=each, sigma=0.005)
+             for name, each in zip(("body", "other"), data, strict=True)]  # fmt: skip
+    case = case_with(
+        start[0], instruments=[BODY, other], objective=start, inference={"method": method, "iterations": 40},
+        unknowns=[{"key": key, "shape": "number", "bounds": bounds[key]} for key in wanted],
+    )
+    result = infer(case, tmp_path / "out", progress=False)
+    for each in result.unknowns:
+        low, high = each.interval[:, 0]
+        assert abs(each.best[0] - wanted[each.key]) < 2 * (high - low), each.key  # four standard deviations
+        assert high - low < 0.2 * widths[each.key]
+    best = read_case(tmp_path / "out/best.toml")
+    assert best.objective[0].time_shift == best.objective[1].time_shift == result.unknowns[0].best[0]
+    assert 2 * result.best.misfit / (2 * len(TIMES)) == pytest.approx(1.0, abs=0.5)
+    for fit, values in zip(result.fits, signals, strict=True):
+        assert np.std(values - fit.best) < 0.0075
+
+
+@pytest.mark.parametrize("unknowns, message", [
+    ([{"key": "objective.*.time_shift"}], r"unknowns\.0\.key = 'objective\.\*\.time_shift'.* 0 .* 1e-07 "),
+    ([{"key": "objective.*.gain"}, {"key": "objective.1.gain"}], r"unknowns\.1\.key = 'objective\.1\.gain'"),
+    ([{"key": "objective.0.gain", "bounds": [0.0, 2.0]}], r"unknowns\.0\.bounds = \[0\.0, 2\.0\]: 0 "),
+])  # fmt: skip
+def test_nuisance_parameters_that_cannot_be_recovered_are_refused(
+    unknowns: list[dict[str, Any]], message: str, tmp_path: Path
+) -> None:
+    numbers = [{"shape": "number", "bounds": [-1e-6, 2.0], **each} for each in unknowns]
+    case = case_with(trace(), objective=[trace(), trace(time_shift=1e-7)], unknowns=numbers)
+    with pytest.raises(CaseError, match=facts(message)):
+        infer(case, tmp_path / "out", progress=False)
+
+
 @pytest.mark.parametrize("unknown, message", [
     ({"shape": "number", "bounds": [-3e-6, 1e-6]}, r"objective\.0\.times: .* -1e-06 s .*time_shift = -3e-06 s"),
     ({"shape": "number"}, r"unknowns\.0\.bounds: .*within which the data stay"),

@@ -56,7 +56,8 @@ def data_rows(model: Model) -> Iterator[Row]:
     free = int(np.count_nonzero(~evaluator.has_prior))
     note = f"{listed}; {free} of them without a prior, {sum(counts)} samples, inference.method = '{search.method}'"
     if free > sum(counts):
-        yield Row("unknowns: variables", len(evaluator.has_prior), "", f"{note}; give sigma or fewer unknowns", "warning")
+        note += "; give sigma, or fewer unknowns"
+        yield Row("unknowns: variables", len(evaluator.has_prior), "", note, "warning")
     else:
         yield Row("unknowns: variables", len(evaluator.has_prior), "", note)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ruptfx.input.units import VaryingCoefficient, VaryingDelay, VaryingInstant
@@ -41,9 +43,9 @@ class ForcedWeakening(FrictionLaw):
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         inner = self.law.initial_state(normal_stress, shear_stress, slip_rate)
 
-        def at_rest(pressure: np.ndarray) -> np.ndarray:
+        def at_rest(pressure: np.ndarray) -> Any:
             state = self.law.initial_state(pressure, shear_stress, slip_rate)
-            return np.asarray(self.law.strength(0.0 * pressure, pressure, state))
+            return self.law.strength(0.0 * pressure, pressure, state)
 
         # An open point has no stress of its own: its coefficient is the slope of the strength with the pressure, at
         # pressures of the size of the cohesion, so that it has no unit.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import pairwise
@@ -23,7 +23,7 @@ from ruptfx.many_runs.adjoint.unknowns import Place, chosen, hats, perturbed, wh
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.progress import Progress, working
 from ruptfx.readings.instruments.model_readings import ModelReadings
-from ruptfx.readings.misfits import Misfit, Request, Trace, Unknown
+from ruptfx.readings.misfits import Misfit, Request, Sample, Trace, Unknown
 from ruptfx.run.model import Model
 
 if TYPE_CHECKING:
@@ -105,9 +105,8 @@ class Objective:
 
     def _evaluate(self) -> tuple[float, list[Floats]]:
         total, factors = 0.0, []
-        samples = self.sweeps.samples
-        for term, (begin, end) in zip(self.terms, pairwise(np.cumsum([0, *self._counts]).tolist()), strict=True):
-            value, slopes = term.evaluate(samples[begin:end])
+        for term, samples in self._samples():
+            value, slopes = term.evaluate(samples)
             total += value
             factors += slopes
         return total, factors
@@ -138,8 +137,8 @@ class Objective:
             if place.constant is not None:
                 result.append(Derivative(unknown, place, of_bodies[place.key]))
                 continue
-            if place.term is not None:
-                by_term = np.array([float(np.concatenate(factors) @ self._by_term(*place.term))])
+            if place.terms:
+                by_term = np.array([float(np.concatenate(factors) @ self._by_terms(place))])
                 result.append(Derivative(unknown, place, by_term))
                 continue
             names = list(points[place.fault].parameters)
@@ -157,20 +156,30 @@ class Objective:
             for place, of_constant in zip(items, readings, strict=True)
         }  # fmt: skip
 
-    def _by_term(self, number: int, parameter: str) -> Floats:
-        """Return the derivative of all readings, one after the other, by a parameter of a term."""
-        ends = np.cumsum([0, *self._counts]).tolist()
-        samples, result = self.sweeps.samples, list[Floats]()
-        for n, (begin, end) in enumerate(pairwise(ends)):
-            mine = samples[begin:end]
-            result += self.terms[n].change(parameter, mine) if n == number else [np.zeros(len(s.values)) for s in mine]
+    def _samples(self) -> Iterator[tuple[Misfit, list[Sample]]]:
+        """Yield every term with its samples."""
+        for term, (begin, end) in zip(self.terms, pairwise(np.cumsum([0, *self._counts]).tolist()), strict=True):
+            yield term, self.sweeps.samples[begin:end]
+
+    def expected(self) -> list[Floats]:
+        """Return what the data of all readings would be without noise."""
+        return [values for term, samples in self._samples() for values in term.expected(samples)]
+
+    def _by_terms(self, place: Place) -> Floats:
+        """Return the derivative of all readings, one after the other, by a parameter of terms."""
+        names, result = dict(place.terms), list[Floats]()
+        for number, (term, samples) in enumerate(self._samples()):
+            if number in names:
+                result += term.change(names[number], samples)
+            else:
+                result += [np.zeros(len(sample.values)) for sample in samples]
         return np.concatenate(result)
 
     def residuals(self) -> tuple[Floats, Floats] | None:
         """Return the residuals of all readings and their derivatives by the values; None if a term has none."""
-        samples, result = self.sweeps.samples, []
-        for term, (begin, end) in zip(self.terms, pairwise(np.cumsum([0, *self._counts]).tolist()), strict=True):
-            if (of_term := term.residuals(samples[begin:end])) is None:
+        result = []
+        for term, samples in self._samples():
+            if (of_term := term.residuals(samples)) is None:
                 return None
             result += of_term
         return np.concatenate([r for r, _ in result]), np.concatenate([factor for _, factor in result])
@@ -191,8 +200,8 @@ class Objective:
         of_nucleations = []
         of_terms = np.zeros(sum(len(sample.values) for sample in self.sweeps.samples))
         for place, values in changes:
-            if place.term is not None:
-                of_terms = of_terms + float(values[0]) * self._by_term(*place.term)
+            if place.terms:
+                of_terms = of_terms + float(values[0]) * self._by_terms(place)
                 continue
             points = self.sweeps.points[place.fault]
             here = values[points.fault.interface.number]
@@ -385,7 +394,7 @@ def compare(
     for each in derivatives:
         place = each.place
         if place.constant is None and not place.of_contact:
-            steps.append((each, size * (made.case.duration if place.term is not None else _scale(made, each))))
+            steps.append((each, size * _scale(made, each)))
     changes = [(each.place, sign * step) for each, step in steps for sign in (1, -1)]
     count, values = len(changes), list[float]()
     if at_once is not None:
@@ -423,10 +432,9 @@ def value_of_change(
         Called with the finished fraction and a text.
     """
     terms, view = list(terms), model
-    if place.term is not None:
-        number, name = place.term
+    for number, name in place.terms:
         terms[number] = terms[number].substituted({name: float(getattr(terms[number], name)) + change})
-    else:
+    if place.of_points:
         points = np.full(len(model.faults[place.fault].interface.weight), change)
         if place.nucleation is not None:
             view = perturbed(model, {}, {(place.fault, int(place.key.split(".")[-2])): points})
@@ -436,8 +444,10 @@ def value_of_change(
 
 
 def _scale(made: Objective, derivative: Derivative) -> float:
-    """Return the largest size of an unknown along its interface; collective."""
+    """Return the largest size of an unknown along its interface, the duration for a time of data; collective."""
     place = derivative.place
+    if place.terms:
+        return made.case.duration if place.unit == "s" else 1.0
     parameters = made.sweeps.points[place.fault].parameters
     names = [name for name, _ in place.rows]
     if place.unit == "Pa":

@@ -54,8 +54,8 @@ class Place:
     nucleation: Nucleation | None = None
     constant: tuple[str, str] | None = None
     """Material and name of a constant of bodies."""
-    term: tuple[int, str] | None = None
-    """Number and parameter of a term of the objective."""
+    terms: tuple[tuple[int, str], ...] = ()
+    """Number and parameter of the terms of the objective that have it."""
 
     @property
     def of_points(self) -> bool:
@@ -75,10 +75,18 @@ def constants(model: Model) -> dict[str, Place]:
 
 
 def of_terms(terms: Sequence[Misfit]) -> dict[str, Place]:
-    """Return the parameters of the terms of an objective by which it is differentiated, by key."""
-    known = [(f"objective.{n}.{name}", (n, name), unit) for n, term in enumerate(terms)
-             for name, unit in term.parameters.items()]  # fmt: skip
-    return {key: Place(key, unit, -1, term=which) for key, which, unit in known}
+    """Return the parameters of the terms of an objective by which it is differentiated, by key.
+
+    `objective.*.time_shift` is one parameter of all terms.
+    """
+    known = [(n, name, unit) for n, term in enumerate(terms) for name, unit in term.parameters.items()]
+    result = {f"objective.{n}.{name}": Place(f"objective.{n}.{name}", unit, -1, terms=((n, name),))
+              for n, name, unit in known}  # fmt: skip
+    for name, unit in dict.fromkeys(each[1:] for each in known):
+        key, owners = f"objective.*.{name}", tuple((n, name) for n, *of_term in known if of_term == [name, unit])
+        if len(owners) == len([each for each in known if each[1] == name]):  # an offset of channels of one unit
+            result[key] = Place(key, unit, -1, terms=owners)
+    return result
 
 
 def places(model: Model) -> dict[str, Place]:
@@ -113,6 +121,9 @@ def chosen(
             raise CaseError(f"unknowns.{number}.key = '{each.key}': cannot be differentiated, {hint}")
         if each.key in [other.key for other in items[:number]]:
             raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
+        for other in items[:number]:
+            if set(known[each.key].terms).intersection(known[other.key].terms):
+                raise CaseError(f"unknowns.{number}.key = '{each.key}': '{other.key}' contains it; remove one of them")
         if not known[each.key].of_points and each.shape == "knots":
             raise CaseError(f"unknowns.{number}.shape = 'knots': '{each.key}' is one number; use shape = 'number'")
         if each.shape == "knots":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,10 +93,8 @@ class Evaluator:
         for number, term in enumerate(self.case.objective):
             term.requests(bodies, f"objective.{number}")
         for each in self.variables:
-            if each.place.term is not None and each.unknown.bounds is not None:
-                number, name = each.place.term
-                for bound in each.unknown.bounds:
-                    self.case.objective[number].substituted({name: bound}).requests(bodies, f"objective.{number}")
+            for (number, name), bound in product(each.place.terms, each.unknown.bounds or []):
+                self.case.objective[number].substituted({name: bound}).requests(bodies, f"objective.{number}")
 
     def _check_bounds(self) -> None:
         """Refuse bounds that the key of an unknown does not accept.
@@ -105,15 +103,15 @@ class Evaluator:
         """
         for number, each in enumerate(self.variables):
             unknown = each.unknown
-            if unknown.bounds is None or each.place.term is not None:
+            if unknown.bounds is None:
                 continue
             inward = INWARD * (unknown.bounds[1] - unknown.bounds[0]) if unknown.shape == "field" else 0.0
             for bound, step in zip(unknown.bounds, (inward, -inward), strict=True):
                 try:
-                    self.case.changed(unknown.key, bound + step)
+                    self._case_with_value(self.case, each, bound + step)
                 except CaseError as error:
                     for line in str(error).splitlines():
-                        _, of_key, reason = line.partition(f"{unknown.key} = ")
+                        _, of_key, reason = line.partition(f"{each.keys[0]} = ")
                         if of_key:  # contradictions between keys depend on the values of both
                             raise CaseError(
                                 f"unknowns.{number}.bounds = {unknown.bounds}: {bound:g} is refused, {of_key}{reason}; "
@@ -145,8 +143,7 @@ class Evaluator:
         """Return the terms of the objective with the values of z."""
         terms = list(self.case.objective)
         for each, part_of_z in self.split(z):
-            if each.place.term is not None:
-                number, name = each.place.term
+            for number, name in each.place.terms:
                 terms[number] = terms[number].substituted({name: float(each.values(part_of_z)[0])})
         return terms
 
@@ -188,7 +185,7 @@ class Evaluator:
             fits = made.value == 0 and any(np.any(sample.values) for _, sample in made.samples)
             of_misfit = self._pull(z, backward, first and not fits)
             gradient = of_misfit + np.where(self.has_prior, z, 0.0)
-        readings = np.concatenate([sample.values for _, sample in made.samples])
+        readings = np.concatenate(made.expected())
         residuals = made.residuals()
         if not np.isfinite(made.value) or not np.all(np.isfinite(gradient)):
             raise RuptfxError("infer: misfit or gradient are not finite; give bounds to the unknowns")
@@ -264,6 +261,12 @@ class Evaluator:
         both = zip(self.split(z), self.split(change), strict=True)
         return [(each.place, each.push(part, by)) for (each, part), (_, by) in both if np.any(by)]
 
+    @staticmethod
+    def _case_with_value(case: Case, variable: Variable, value: object) -> Case:
+        for key in variable.keys:
+            case = case.changed(key, value)
+        return case
+
     def case_with(self, z: Floats) -> Case:
         """Return the case with the values of z: numbers, and tables along the interface."""
         case = self.case
@@ -281,7 +284,7 @@ class Evaluator:
                     "extend": True,
                 }  # fmt: skip
             try:
-                case = case.changed(each.unknown.key, new)
+                case = self._case_with_value(case, each, new)
             except CaseError as error:
                 if not np.any(z):
                     if uniform:

@@ -36,9 +36,8 @@ Floats = NDArray[np.float64]
 
 def values_of_case(model: Model, place: Place) -> Floats:
     """Return an unknown as the case has it, at the points of this rank."""
-    if place.term is not None:
-        number, name = place.term
-        return np.array([float(getattr(model.case.objective[number], name))])
+    if place.terms:
+        return np.array([float(getattr(model.case.objective[number], name)) for number, name in place.terms])
     fault = model.faults[place.fault]
     face = fault.interface
     if place.nucleation is not None:
@@ -98,10 +97,17 @@ class Variable:
         if place.of_points:
             self.position = whole(model, face, face.position)
             self.start = whole(model, face, self.start)
-        elif place.term is not None and unknown.bounds is None:
+        elif np.ptp(self.start):
+            raise CaseError(
+                f"{key}.key = '{unknown.key}': is {self.start.min():g} to {self.start.max():g} in the terms of the "
+                "case; give all terms one value, or each an unknown"
+            )
+        elif unknown.bounds is None:
             raise CaseError(f"{key}.bounds: '{unknown.key}' needs some, within which the data stay in the run")
         elif unknown.shape != "number":
             raise CaseError(f"{key}.shape = '{unknown.shape}': '{unknown.key}' is one number; use shape = 'number'")
+        else:
+            self.start = self.start[:1]
         low, high = unknown.bounds or (-np.inf, np.inf)
         if unknown.scale == "log" and self.start.min() <= 0:
             raise CaseError(
@@ -125,6 +131,11 @@ class Variable:
             number = unknown.shape == "number"
             self._basis = np.ones((len(self.start), 1)) if number else hats(unknown, face, self.position, key)
             self._begin_numbers()
+
+    @property
+    def keys(self) -> list[str]:
+        """Keys of the case that have its value."""
+        return [f"objective.{number}.{name}" for number, name in self.place.terms] or [self.unknown.key]
 
     def _t(self, values: Floats) -> Floats:
         return np.log(values) if self.unknown.scale == "log" else values

@@ -109,8 +109,14 @@ class Misfit(Alternative):
     unit: ClassVar[str] = "1"
     """Unit of the value; terms of one objective have the same."""
     offers_with: ClassVar[dict[str, str]] = {"residuals": "squares"}
-    parameters: ClassVar[dict[str, str]] = {}
-    """Fields of the term that change its readings and may be unknowns, with their units."""
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """Fields of the term that change what it expects of its readings and may be unknowns, with their units."""
+        return {}
+
+    def unit_of_field(self, name: str) -> str:
+        return self.parameters.get(name) or super().unit_of_field(name)
 
     def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
         """Return the readings that the term needs; collective.
@@ -125,6 +131,10 @@ class Misfit(Alternative):
     def evaluate(self, samples: Sequence[Sample]) -> tuple[float, list[Floats]]:
         """Return the value and its derivative by the values of each reading."""
         raise NotImplementedError
+
+    def expected(self, samples: Sequence[Sample]) -> list[Floats]:
+        """Return what the data of each reading would be without noise."""
+        return [sample.values for sample in samples]
 
     def change(self, parameter: str, samples: Sequence[Sample]) -> list[Floats]:
         """Return the derivative of the values of each reading by one of the `parameters`."""
@@ -147,8 +157,8 @@ class Unknown(Part):
 
     key: Annotated[str, Field(min_length=1)]
     """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`,
-    or the time shift of data, `objective.0.time_shift`; in `ruptfx gradient` also constants of bodies,
-    `materials.default.density`."""
+    or time shift, gain and offset of data, `objective.0.time_shift`, of all terms at once `objective.*.time_shift`; in
+    `ruptfx gradient` also constants of bodies, `materials.default.density`."""
     shape: Literal["field", "number", "knots"] = "field"
     """Values at all points of the interface, one number that is added everywhere, or numbers that are added at knots
     and interpolated linearly between them."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Traces(Misfit):
-    """Traces of an instrument: half the sum of ((reading - data) / sigma)^2 over channels and times.
+    """Traces of an instrument: half the sum of ((gain reading + offset - data) / sigma)^2 over channels and times.
 
     The readings have the filter of the instrument (`bandwidth`) and are interpolated linearly to the times of the data.
     Columns of a CSV file are the time and channels of the instrument, each with its unit in the header:
@@ -39,8 +39,6 @@ class Traces(Misfit):
         '{ kind = "traces", instrument = "fault", times = [1e-6, 2e-6, 3e-6], sigma = 1e-6, '
         'data = { slip = [1e-6, 2e-6, 3e-6] }, units = { slip = "m" } }'
     )
-
-    parameters: ClassVar[dict[str, str]] = {"time_shift": "s"}
 
     instrument: Name
     """Name of the instrument."""
@@ -63,6 +61,11 @@ class Traces(Misfit):
     time_shift: Annotated[float, Unit("s")] = 0.0
     """Time of the run minus that of the data, such as the delay of a trigger; may be an unknown. `begin` and `end`
     are times of the data."""
+    gain: Positive = 1.0
+    """Data over reading, such as the error of a calibration; may be an unknown."""
+    offset: Annotated[float, without_unit("the channels")] = 0.0
+    """Data where the reading is zero, such as a baseline, in the SI unit of the channels or a text with a unit; may be
+    an unknown."""
     bandwidth: Frequency | None = None
     """Frequency of half power of a low-pass filter with one pole, which acts on data and readings alike, before the
     window. The instrument then has none. Default: readings have the filter of the instrument, and data none."""
@@ -72,14 +75,17 @@ class Traces(Misfit):
     def _from_file(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         if not isinstance(values, Mapping):
             return handler(values)
-        sigma, units_of_sigma = si_and_units(values.get("sigma"))
-        values = {**values, "sigma": sigma} if units_of_sigma else values
+        units_of: list[tuple[str, str]] = []
+        for key in ("sigma", "offset"):
+            number, units = si_and_units(values.get(key))
+            units_of += [(key, unit) for unit in units]
+            values = {**values, key: number} if units else values
         file = cls._read(values, handler, info) if isinstance(values.get("file"), str) else handler(values)
-        for unit, name in itertools.product(units_of_sigma, file._chosen):
+        for (key, unit), name in itertools.product(units_of, file._chosen):
             try:
                 factor(unit, file.units.get(name, "1"))
             except ValueError as error:
-                raise ValueError(f"sigma in {unit}: {error} for the channel {name}") from None
+                raise ValueError(f"{key} in {unit}: {error} for the channel {name}") from None
         return file
 
     @classmethod
@@ -201,7 +207,18 @@ class Traces(Misfit):
             f"{duration:.6g} s: {' and '.join(outside)}, of {len(times)} times; {' and '.join(remedies)}{narrower}"
         )
 
+    @property
+    def parameters(self) -> dict[str, str]:
+        return {"time_shift": "s", "gain": "1", "offset": _si_unit(self.units.get(self._chosen[0], "1"))}
+
+    def expected(self, samples: Sequence[Sample]) -> list[Floats]:
+        return [self.gain * sample.values + self.offset for sample in samples]
+
     def change(self, parameter: str, samples: Sequence[Sample]) -> list[Floats]:
+        if parameter == "gain":
+            return [sample.values / self.gain for sample in samples]
+        if parameter == "offset":
+            return [np.full(len(sample.values), 1 / self.gain) for sample in samples]
         return [np.zeros(len(sample.values)) if sample.slopes is None else sample.slopes for sample in samples]
 
     @property
@@ -210,16 +227,15 @@ class Traces(Misfit):
 
     def evaluate(self, samples: Sequence[Sample]) -> tuple[float, list[Floats]]:
         total, slopes = 0.0, []
-        for wanted, sample in zip(self.measured(), samples, strict=True):
-            residual = (sample.values - wanted.values) / self.sigma
+        for residual, slope in self.residuals(samples):
             total += 0.5 * float(residual @ residual)
-            slopes.append(residual / self.sigma)
+            slopes.append(slope * residual)
         return total, slopes
 
     def residuals(self, samples: Sequence[Sample]) -> list[tuple[Floats, Floats]]:
         return [
-            ((sample.values - wanted.values) / self.sigma, np.full(len(sample.values), 1 / self.sigma))
-            for wanted, sample in zip(self.measured(), samples, strict=True)
+            ((values - wanted.values) / self.sigma, np.full(len(values), self.gain / self.sigma))
+            for wanted, values in zip(self.measured(), self.expected(samples), strict=True)
         ]
 
     def measured(self) -> list[Measured]:
@@ -230,6 +246,17 @@ class Traces(Misfit):
                 values = filtered(times, values, self.bandwidth)
             result.append(Measured(f"{self.instrument}, {name}", times[self._inside], values[self._inside]))
         return result
+
+
+def _si_unit(unit: str) -> str:
+    """Return the SI unit of a channel in a unit, "1" where it has another name."""
+    for name in ("1", "m", "m/s", "m/s2", "Pa", "N", "N/m"):
+        try:
+            factor(unit, name)
+        except ValueError:
+            continue
+        return name
+    return "1"
 
 
 def _from_text(
