@@ -11,7 +11,6 @@ attribute `states` lists their names.
 from __future__ import annotations
 
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
@@ -25,6 +24,7 @@ from ruptfx.input.fields import stress_entries
 from ruptfx.interfaces.faults.interface import local_frame
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.distributed_rows import RowDistribution
+from ruptfx.run.recording import xdmf
 from ruptfx.run.recording.shared_file import SharedFile
 
 if TYPE_CHECKING:
@@ -33,43 +33,11 @@ if TYPE_CHECKING:
     from ruptfx.laws.materials import RecordedState
     from ruptfx.run.model import Model
 
-_UNITS = {"velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
-_TEXTS = {
-    "velocity": "particle velocity", "displacement": "displacement from the initial state",
-    "stress": "total stress, tension positive", "fringe": "sigma_1 - sigma_2 in the plane of x and y",
+FIELDS = {
+    "velocity": ("m/s", "particle velocity"), "displacement": ("m", "displacement from the initial state"),
+    "stress": ("Pa", "total stress, tension positive"), "fringe": ("Pa", "sigma_1 - sigma_2 in the plane of x and y"),
 }  # fmt: skip
-
-_FILE = Template("""\
-<?xml version="1.0"?>
-<Xdmf Version="3.0">
-  <Domain>
-    <Grid Name="run" GridType="Collection" CollectionType="Temporal">
-$grids    </Grid>
-  </Domain>
-</Xdmf>
-""")
-_GRID = Template("""\
-    <Grid Name="bodies" GridType="Uniform">
-      <Time Value="$time"/>
-      <Topology TopologyType="$shape" NumberOfElements="$cells">
-        <DataItem Dimensions="$cells $corners" NumberType="Int" Format="HDF">bulk.h5:/cells</DataItem>
-      </Topology>
-      <Geometry GeometryType="$geometry">
-        <DataItem Dimensions="$points $dim" NumberType="Float" Precision="8" Format="HDF">bulk.h5:/points</DataItem>
-      </Geometry>
-      <Attribute Name="body" AttributeType="Scalar" Center="Cell">
-        <DataItem Dimensions="$cells" NumberType="Int" Format="HDF">bulk.h5:/body_of_cell</DataItem>
-      </Attribute>
-$attributes
-    </Grid>
-""")
-_ATTRIBUTE = Template("""\
-      <Attribute Name="$name" AttributeType="Scalar" Center="Node">
-        <DataItem ItemType="HyperSlab" Dimensions="$points" Type="HyperSlab">
-          <DataItem Dimensions="3 $rank" Format="XML">$start $stride $count</DataItem>
-          <DataItem Dimensions="$total" NumberType="Float" Precision="$bytes" Format="HDF">bulk.h5:/$field</DataItem>
-        </DataItem>
-      </Attribute>""")
+"""Fields of the nodes, and their units."""
 
 
 class Topology(NamedTuple):
@@ -101,7 +69,7 @@ class BulkFields:
         self._stresses = stress_entries(model.case.plane, model.components)
         # In antiplane stress is a vector.
         self._entries: list[Any] = [entry if model.components > 1 else entry[0] for entry in self._stresses.values()]
-        self._fields = [name for name in _UNITS if name in model.case.output.bulk_fields]
+        self._fields = [name for name in FIELDS if name in model.case.output.bulk_fields]
         self._states = recorded_states(model) if "state" in model.case.output.bulk_fields else {}
         self._type = np.dtype({"double": "f8", "single": "f4"}[model.case.output.bulk_precision])
         self.initial_stress, self.initial_stress_from = self._initial_stress()
@@ -212,7 +180,7 @@ class BulkFields:
     def append(self, time: float, fields: dict[str, np.ndarray]) -> None:
         """Write this rank's part of one snapshot."""
         for name, values in fields.items():
-            unit, text = self._states.get(name) or (_UNITS[name], _TEXTS[name])
+            unit, text = self._states.get(name) or FIELDS[name]
             text = "twice the shear stress" if name == "fringe" and self.model.components == 1 else text
             text += "; zz goes round the axis" * (name == "stress" and self.model.case.plane == "axisymmetric")
             self._file.append(name, values, self.model.total_nodes, units=unit, long_name=text)
@@ -393,30 +361,14 @@ class BulkFields:
         return list(self._stresses if field == "stress" else axes)
 
     def _write_descriptor(self, times: np.ndarray, columns: dict[str, tuple[int, ...]]) -> None:
-        """Write the XDMF text to a temporary file and rename it, so that it is always complete."""
         points, dim, (cells, corners) = self.model.total_nodes, self._dim, self._cells
         shape = {(2, 3): "Triangle", (2, 4): "Quadrilateral", (3, 4): "Tetrahedron", (3, 8): "Hexahedron"}[dim, corners]
-        grids = []
-        for index, time in enumerate(times):
-            attributes = []
-            for field, column in columns.items():
-                whole = (len(times), points, *column)
-                parts = [f"_{axis}" for axis in self._labels(field)] if column else [""]
-                for part, label in enumerate(parts):
-                    start = f"{index} 0 {part}" if column else f"{index} 0"
-                    count = f"1 {points} 1" if column else f"1 {points}"
-                    attributes.append(_ATTRIBUTE.substitute(
-                        name=f"{field}{label}", points=points, rank=len(whole), start=start,
-                        stride=" ".join("1" * len(whole)),
-                        count=count, total=" ".join(map(str, whole)), field=field, bytes=self._type.itemsize,
-                    ))  # fmt: skip
-            grids.append(_GRID.substitute(
-                time=repr(float(time)), shape=shape, cells=cells, corners=corners, points=points, dim=dim,
-                geometry="XY" if dim == 2 else "XYZ", attributes="\n".join(attributes),
-            ))  # fmt: skip
-        temporary = self._out / ".bulk.xdmf"
-        temporary.write_text(_FILE.substitute(grids="".join(grids)))
-        temporary.replace(self._out / "bulk.xdmf")
+        mesh = xdmf.Mesh("bodies", shape, ("cells", (cells, corners)), ("points", (points, dim)), ("body_of_cell",))
+        xdmf.write(self._out / "bulk.xdmf", mesh, times, [
+            xdmf.Field(f"{field}{label}", field, (len(times), points, *column), part, bytes=self._type.itemsize)
+            for field, column in columns.items()
+            for part, label in enumerate([f"_{axis}" for axis in self._labels(field)] if column else [""])
+        ])  # fmt: skip
 
 
 def recorded_states(model: Model) -> dict[str, RecordedState]:
@@ -430,7 +382,7 @@ def recorded_states(model: Model) -> dict[str, RecordedState]:
     entries: dict[str, RecordedState] = {}
     for material in model.given:
         for name, declared in material.recorded_states().items():
-            reserved = {*_UNITS, "points", "cells", "body", "body_of_cell", "time"}
+            reserved = {*FIELDS, "points", "cells", "body", "body_of_cell", "time"}
             if name in reserved or entries.setdefault(name, declared) != declared:
                 raise RuptfxError(
                     f"{material.kind()}.recorded_states: another field of snapshots has the name '{name}'; rename it"

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from string import Template
 
 import h5netcdf
 import h5py
@@ -13,6 +11,7 @@ import numpy as np
 from ruptfx.bodies.state import FaultState
 from ruptfx.interfaces.cracks.step import CrackStep
 from ruptfx.laws.materials import WaveSpeeds
+from ruptfx.run.recording import xdmf
 
 NAMES = ("cracks.h5", "cracks.xdmf", "events.h5")
 SNAPSHOTS = {
@@ -42,36 +41,6 @@ WORDS = {
 }
 MODES = ("tensile", "shear", "mixed")
 TENSILE, SHEAR = 0.75, 0.25  # bounds of the tensile share: tensile from 0.75, shear up to 0.25
-
-_XDMF = Template("""\
-<?xml version="1.0"?>
-<Xdmf Version="3.0">
-  <Domain>
-    <Grid Name="cracks" GridType="Collection" CollectionType="Temporal">
-$grids    </Grid>
-  </Domain>
-</Xdmf>
-""")
-_GRID = Template("""\
-      <Grid Name="facets" GridType="Uniform">
-        <Time Value="$time"/>
-        <Topology TopologyType="Polyline" NodesPerElement="2" NumberOfElements="$facets">
-          <DataItem Dimensions="$facets 2" NumberType="Int" Format="HDF">cracks.h5:/lines</DataItem>
-        </Topology>
-        <Geometry GeometryType="XY">
-          <DataItem Dimensions="$points 2" NumberType="Float" Precision="8" Format="HDF">cracks.h5:/points</DataItem>
-        </Geometry>
-$attributes
-      </Grid>
-""")
-_ATTRIBUTE = Template("""\
-        <Attribute Name="$name" AttributeType="Scalar" Center="Cell">
-          <DataItem ItemType="HyperSlab" Dimensions="$facets" Type="HyperSlab">
-            <DataItem Dimensions="3 2" Format="XML">$row 0 1 1 1 $facets</DataItem>
-            <DataItem Dimensions="$rows $facets" NumberType="Float" Precision="8"
-                      Format="HDF">cracks.h5:/$name</DataItem>
-          </DataItem>
-        </Attribute>""")  # fmt: skip
 
 
 class CrackFiles:
@@ -147,17 +116,11 @@ class CrackFiles:
         self.write_events(state)
 
     def _describe(self) -> None:
-        """Write the descriptor for ParaView, complete at any time."""
         times, count = self._file["time"][:], len(self._facets["length"])
-        grids = []
-        for row, time in enumerate(times):
-            attributes = "\n".join(
-                _ATTRIBUTE.substitute(name=name, facets=count, row=row, rows=len(times))
-                for name in SNAPSHOTS if name != "status"
-            )  # fmt: skip
-            entries = {"facets": count, "points": 2 * count, "attributes": attributes}
-            grids.append(_GRID.substitute(entries, time=repr(float(time))))
-        _whole(self._out / "cracks.xdmf", lambda path: path.write_text(_XDMF.substitute(grids="".join(grids))))
+        mesh = xdmf.Mesh("facets", "Polyline", ("lines", (count, 2)), ("points", (2 * count, 2)))
+        xdmf.write(self._out / "cracks.xdmf", mesh, times, [
+            xdmf.Field(name, name, (len(times), count), center="Cell") for name in SNAPSHOTS if name != "status"
+        ])  # fmt: skip
 
     def write_events(self, state: FaultState) -> None:
         """Write all facets that have failed so far, in the order of their failure."""
@@ -178,7 +141,7 @@ class CrackFiles:
                         variable[:] = np.array(texts, dtype=object)
                 file.attrs["thickness"] = self._thickness
 
-        _whole(self._out / "events.h5", write)
+        xdmf.replace_whole(self._out / "events.h5", write)
 
     def reopen(self) -> list[Path]:
         """Return files that may now be copied."""
@@ -188,13 +151,6 @@ class CrackFiles:
 
     def close(self) -> None:
         self._file.close()
-
-
-def _whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a text to a temporary file and rename it."""
-    temporary = path.with_name(f".{path.name}")
-    write(temporary)
-    temporary.replace(path)
 
 
 def facets_of(cracks: CrackStep) -> FaultState:
