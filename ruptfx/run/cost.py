@@ -187,7 +187,7 @@ def _bytes_of_files(model: Model, parts: list[Records], steps: int | None) -> fl
 
 def measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:
     """Return the instruments of a case and the channels of each."""
-    return Samples(model, dt, BulkFields(model).initial_stress_at).instruments
+    return Samples(model, dt, BulkFields(model).initial_stress.at).instruments
 
 
 def counts(case: Case, steps: int | None) -> tuple[int, int]:

@@ -52,8 +52,8 @@ def test_a_descriptor_points_to_the_values(tmp_path: Path) -> None:
         assert topology is not None and topology.get("NumberOfElements") == "1" and geometry is not None
         assert picked(tmp_path, topology[0]).tolist() == [[0, 1, 2]] and geometry.get("GeometryType") == "XY"
         np.testing.assert_array_equal(picked(tmp_path, geometry[0]), arrays["points"])
-        values = {each.get("Name"): picked(tmp_path, each[0]).tolist() for each in grid.findall("Attribute")}
-        assert values == {
+        fields_of_row = {each.get("Name"): picked(tmp_path, each[0]).tolist() for each in grid.findall("Attribute")}
+        assert fields_of_row == {
             "body": [7], "v_x": vector[row, :, 0].tolist(), "v_y": vector[row, :, 1].tolist(),
             "s": scalar[row].tolist(),
             "c": [5.0 + row],

@@ -99,7 +99,7 @@ def test_stresses_of_cylinders_under_pressure() -> None:
     state.displacement[:] = u
     stress, topology = bulk.gather(state)["stress"], bulk.topology()
     points, body = topology.points, topology.body
-    plates = ModelReadings(model, bulk.initial_stress_at)
+    plates = ModelReadings(model, bulk.initial_stress.at)
     assert list(plates.entries) == ["xx", "yy", "xy", "zz"] and stress.shape == (len(points), 4)
     for (name, (A, B)), at in zip(constants.items(), (1.3e-3, 3.1e-3), strict=True):
         here = body == model.bodies.names.index(name)
@@ -219,9 +219,9 @@ def test_stresses_have_the_strain_around_the_axis() -> None:
     displacement[:, 1] = A * model.coordinates[:, 1]
     bulk = BulkFields(model)
     expected = np.array([2 * LAME * A, 2 * (LAME + SHEAR) * A, 0.0, 2 * (LAME + SHEAR) * A])
-    found = bulk._stress(displacement.ravel(), state)
+    found = bulk.nodal.stress(displacement.ravel(), state)
     np.testing.assert_allclose(found, np.tile(expected, (model.nodes, 1)), rtol=0, atol=1e-9 * expected[1])
-    plates = ModelReadings(model, bulk.initial_stress_at)
+    plates = ModelReadings(model, bulk.initial_stress.at)
     for radius, body in ((0.0, "fibre"), (1.3e-3, "fibre"), (4e-3, "matrix")):
         point = plates.point([1.7e-3, radius], body, "test")
         for entry, stress in (((0, 0), expected[0]), ((1, 1), expected[1]), ((2, 2), expected[3])):

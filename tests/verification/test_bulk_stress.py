@@ -42,7 +42,7 @@ def test_far_field_of_a_tilted_interface_is_the_tensor(tmp_path: Path) -> None:
     initial = {"tensor": [-5e6, -10e6, 0.0]}
     fields, bulk = at_rest({"mesh": tilted(tmp_path), "faults.main.initial_stress": initial})
     check(fields, [-5e6, -10e6, 0.0], 5e6)
-    assert bulk.initial_stress_from == "given"
+    assert bulk.initial_stress.origin == "given"
 
 
 def test_tractions_of_a_tilted_interface_and_nothing_along_it(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_tractions_of_a_tilted_interface_and_nothing_along_it(tmp_path: Path) ->
     # n t' + t n' = (-sqrt(3)/2, sqrt(3)/2, 1/2); sigma_1 - sigma_2 = sqrt(6^2 + 4 2^2) in any frame.
     root = np.sqrt(3)
     check(fields, [1e6 * (-1.5 - root), 1e6 * (-4.5 + root), 1e6 * (1.5 * root + 1)], 1e6 * np.sqrt(52))
-    assert bulk.initial_stress_from.startswith("assumed") and "'main'" in bulk.initial_stress_from
+    assert bulk.initial_stress.origin.startswith("assumed") and "'main'" in bulk.initial_stress.origin
 
 
 def test_antiplane_shear(tmp_path: Path) -> None:
@@ -113,9 +113,9 @@ def test_uneven_pressure_is_that_of_the_interface_everywhere_across_it(tmp_path:
     x = bulk.topology().points[:, 0]
     np.testing.assert_allclose(stress[:, 1], -(4e6 + 4e6 * x / 12e-3), rtol=1e-9)
     np.testing.assert_allclose(stress[:, [0, 2]], np.tile([0.0, 1e6], (len(stress), 1)), atol=1.0)
-    assert "as it varies along it" in bulk.initial_stress_from
+    assert "as it varies along it" in bulk.initial_stress.origin
     # A load cell on the top carries 6 MPa on 12 mm before anything moves, and 1 MPa of shear.
-    found = ModelReadings(model, bulk.initial_stress_at).forces("upper.top", "edge")
+    found = ModelReadings(model, bulk.initial_stress.at).forces("upper.top", "edge")
     assert [offset for _, _, offset in found] == pytest.approx([12e3, -72e3], rel=1e-9)
 
 
@@ -141,5 +141,5 @@ def test_stress_of_the_kernel_is_that_of_the_form(plane: str, shear: float, uppe
     displacement = np.random.default_rng(3).standard_normal(model.nodes * model.components)
     fast, form = (np.zeros((model.nodes, {1: 2, 2: 3, 3: 6}[model.components])) for _ in range(2))
     assert isinstance(model.operator, MatrixFree) and model.operator.add_stress(displacement, fast)
-    bulk._add_stress(displacement, form)
+    bulk.nodal._add_stress(displacement, form)
     np.testing.assert_allclose(fast, form, rtol=0, atol=1e-12 * np.abs(form).max())

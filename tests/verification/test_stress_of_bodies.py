@@ -164,7 +164,7 @@ def test_all_interfaces_see_one_stress() -> None:
         normal = fault.interface.frame[:, 0]
         tensor = np.array([[SIX[0], SIX[3]], [SIX[3], SIX[1]]])
         assert -fault.normal_stress_0 == pytest.approx(np.einsum("ni,ij,nj->n", normal, tensor, normal), rel=1e-13)
-    assert BulkFields(model).initial_stress_at(np.zeros((1, 2)))[0] == pytest.approx([SIX[0], SIX[1], SIX[3]])
+    assert BulkFields(model).initial_stress.at(np.zeros((1, 2)))[0] == pytest.approx([SIX[0], SIX[1], SIX[3]])
 
 
 @pytest.mark.parametrize("material", [ELASTIC, YIELDING, METAL], ids=["elastic", "yielding", "metal"])

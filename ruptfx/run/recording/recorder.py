@@ -77,7 +77,7 @@ class Recorder:
         self.peak_slip_rate = 0.0  # largest slip rate of the last record, on rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
-        self.samples = Samples(model, motion.dt, self._bulk.initial_stress_at)
+        self.samples = Samples(model, motion.dt, self._bulk.initial_stress.at)
         self.parts = records_of(model)
         self._instruments: InstrumentsFile | None = None
         self._writer = Writer()
@@ -158,7 +158,7 @@ class Recorder:
         ), self._kept("interface"))  # fmt: skip
         if self.samples.instruments:
             self._instruments = InstrumentsFile(self.out / "instruments.h5", self.samples.instruments, {
-                "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
+                "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress.origin,
                 "record": "all numbers of a sample are of its time, linear between the steps", **versions(),
             })  # fmt: skip
         opening = Opening(self.out, self._kept, {"case_hash": self.model.case.hash, **versions()})
