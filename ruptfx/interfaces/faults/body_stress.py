@@ -44,7 +44,8 @@ class InitialBodyStress:
         self, model: Discretisation, faults: Sequence[Fault], stress: BodyStress | None, tensor: np.ndarray | None,
         entries: Sequence[Any],
     ) -> None:  # fmt: skip
-        self._model, self._faults, self._stress, self._tensor, self._entries = model, stress, tensor, entries
+        self._model, self._faults, self._entries = model, faults, entries
+        self._stress, self._tensor = stress, tensor
         self.mean, self.origin = self._mean()
         self._uneven = self._uneven_pressure()
         if self._uneven is not None:
