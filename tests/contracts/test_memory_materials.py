@@ -628,6 +628,19 @@ def test_ramp_of_prony() -> None:
         assert stress["zz"][0] == pytest.approx(3 * rate * (K * each - lost), rel=1e-10)
 
 
+@pytest.mark.parametrize("part, accepted", [(0.999, True), (1.001, False)])
+def test_all_of_the_bulk_modulus_may_relax_and_no_more(part: float, accepted: bool) -> None:
+    """K = E / (3 (1 - 2 nu))."""
+    modulus = HOMALITE["young_modulus"] / (3 * (1 - 2 * HOMALITE["poisson_ratio"]))
+    material = {**HOMALITE, "kind": "prony", "times": [1e-6, 1e-5], "shear_moduli": [1e8, 1e8],
+                "bulk_moduli": [0.25 * part * modulus, 0.75 * part * modulus]}  # fmt: skip
+    if accepted:
+        parse_case(plates({"materials.default": material}))
+    else:
+        with pytest.raises(Exception, match=facts("exceeds the bulk modulus")):
+            parse_case(plates({"materials.default": material}))
+
+
 @pytest.mark.parametrize(("changes", "said"), [
     ({"shear_moduli": [1e8]}, "one for each time"), ({"shear_moduli": [1e9, 2e9]}, "exceeds the shear modulus"),
     ({"bulk_moduli": [1e10, 1e10]}, "exceeds the bulk modulus"),

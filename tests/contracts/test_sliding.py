@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import alternatives
 from ruptfx.interfaces.mechanisms.sliding import SlidingFaults
 from ruptfx.interfaces.mechanisms.stepped_nodes import masses_and_dashpots
+from ruptfx.interfaces.sliding.follower import StepFollower
 from ruptfx.interfaces.sliding.interface import SlidingInterface
 from ruptfx.run.model import Model
 
@@ -450,3 +452,31 @@ def test_forces_of_nothing_that_slides() -> None:
         RuptfxError, match=facts(r"output.forces_interval = 1e-06 s: forces are recorded where an interface")
     ):
         parse_case(plates({"output.forces_interval": 1e-6}))
+
+
+@pytest.mark.parametrize("spacing, gaps, turn, expected", [
+    (0.0, (1e-9, 0.0, -3e-9), 0.0, 0.75),  # an open point overlaps by 3 nm, where 4 nm are the largest pressure
+    (1.0, (1e-9, 0.0, -3e-9), 0.0, 0.6),  # and 1 nm of rounding
+    (0.0, (1e-9, 0.0, 3e-9), 0.0, 0.25),  # an open point that opens further counts nothing
+    (0.0, (0.0, -2e-9, 0.0), 0.0, 0.5),  # or that is pressed together
+    (0.0, (0.0, -2e-9, 0.0), 0.6, 0.6),  # a normal that turns by 0.6 under 4 MPa
+])  # fmt: skip
+def test_the_change_of_a_geometry(
+    spacing: float, gaps: tuple[float, ...], turn: float, expected: float
+) -> None:
+    """Points under 4, 1 and 0 MPa on bodies of 1e15 Pa/m."""
+    frame = np.tile(np.eye(2), (3, 1, 1))
+    jumps = [np.zeros((3, 2))]
+    face = SimpleNamespace(
+        frame=frame, plus=np.arange(3), jump=lambda displacement: jumps[-1],
+        geometry=SimpleNamespace(plus=SimpleNamespace(spacing=np.full(3, spacing))),
+    )
+
+    def at(displacement: np.ndarray) -> None:
+        jumps.append(np.stack([gaps, np.zeros(3)], axis=1))
+        frame[0, 0] += (0.0, turn)
+
+    follower: Any = SimpleNamespace(face=face, at=at, _pull_of=lambda fields: None, _estimate=None)
+    fields = {"normal_stress": np.array([4e6, 1e6, 0.0])}
+    change = StepFollower.change(follower, np.zeros(6), fields, np.full(3, 1e15), 4e6)
+    assert change == pytest.approx(expected, rel=1e-12)

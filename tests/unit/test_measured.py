@@ -76,6 +76,16 @@ def test_a_constant_signal_is_not_shifted() -> None:
     assert found.shift == 0 and found.ratio == pytest.approx(1, rel=1e-6) and not found.limited
 
 
+@pytest.mark.parametrize("delay, reached", [(0.45, True), (0.55, False)])
+def test_half_of_the_common_time_is_compared_at_every_shift(delay: float, reached: bool) -> None:
+    """A pulse that is later by 45 % of the time is matched, one that is later by 55 % is not."""
+    t = np.linspace(0.0, 1.0, 2001)
+    computed, measured = (np.exp(-(((t - middle) / 0.05) ** 2)) for middle in (0.3, 0.3 + delay))
+    result = misfit(t, computed, t, measured, most_shift=0.7)
+    assert (result.shift == pytest.approx(delay, abs=1e-3)) == reached
+    assert abs(result.shift) <= 0.5 + 1e-3
+
+
 def test_a_shift_at_the_end_of_the_searched_range_is_marked() -> None:
     found = misfit(TIME, pulse(TIME), TIME, pulse(TIME - 5e-6), most_shift=1e-6)
     assert found.limited and found.shift == pytest.approx(1e-6, rel=0.01)

@@ -589,6 +589,48 @@ def test_expected_time_counts_steps_records_and_snapshots(monkeypatch: pytest.Mo
     assert (found.step, found.time) == (1.0, pytest.approx(409.0, rel=1e-12))
 
 
+def test_shares_of_a_rehearsal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a second of steps, but no more than the run has; a fifth of that for records, a tenth for snapshots."""
+    from ruptfx.run import cost
+    from ruptfx.run.model import Model
+
+    model = Model(parse_case(plates({"output.figures": False})))
+    motion, shares = model.case.stepper.bind(model), {}
+
+    def each(action: Any, seconds: float, fewest: int, most: float = math.inf) -> float:
+        shares[action.__name__] = seconds, fewest, most
+        return 1.0
+
+    monkeypatch.setattr(cost, "_each", each)
+    monkeypatch.setattr(cost, "_pace", lambda: 0.01)
+    monkeypatch.setattr(cost, "time", SimpleNamespace(process_time=lambda: 0.0))
+    costs = [cost.rehearse(model, motion, steps=20, started=begun, built=begun) for begun in (0.1, 7.0)]
+    assert shares == {"step": (0.5, 6, 19), "step_and_record": (0.1, 2, math.inf), "snapshot": (0.05, 1, math.inf)}
+    # Start-up counts as what it takes in a program without other work: 40 times the pace of 0.01 s at most.
+    assert costs[1].time - costs[0].time == pytest.approx(0.4 - 0.1, rel=1e-9)
+
+
+def test_the_integral_of_a_smooth_patch_is_that_of_its_middle_points() -> None:
+    """Values that grow from one edge to the other, as of no profile here: their mean is a ninth."""
+    from ruptfx.interfaces.mechanisms.checks.patch import _row
+
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(-0.5, 2.0, 1e-2), np.arange(-0.5, 1.5, 1e-2)))
+    points = np.stack([x, 0 * x, -y], axis=1)
+    frame = np.tile(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (len(x), 1, 1))
+    face: Any = SimpleNamespace(points=points, locations=np.stack([x, y], axis=1), frame=frame, area=1e-4 + 0 * x)
+
+    def grows(places: np.ndarray) -> np.ndarray:
+        s, d = places.T
+        weight = [np.select([np.isclose(each, edges).any(axis=0)], [0.5], 1.0) for each, edges in
+                  ((s, np.array([[0.0], [1.5]])), (d, np.array([[0.0], [1.0]])))]  # fmt: skip
+        inside = (s > -1e-9) & (s < 1.5 + 1e-9) & (d > -1e-9) & (d < 1 + 1e-9)
+        return np.where(inside, weight[0] * weight[1] * (s / 1.5) ** 8, 0.0)
+
+    row = _row("patch", face, grows, np.array([[0.0, 1.5], [0.0, 1.0]]), 0.0)
+    percent = re.search(r"([\d.]+) %", row.note)
+    assert percent is not None and float(percent[1]) == 100
+
+
 def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """3 x 2 elements of order 4 twice over: 2 x 25 x 9 = 450 nodes of 245 bytes and 160 MB of libraries."""
     from ruptfx import RuptfxError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from helpers.messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.mechanisms.tied_faults import TiedFaults
+from ruptfx.run import stages
 from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
@@ -208,3 +211,41 @@ def test_facets_begin_with_the_stress_of_the_bodies() -> None:
 def test_what_facets_cannot_carry_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(CaseError, match=facts(said)):
         Model(parse_case(faulted(changes), HERE))
+
+
+class WithAnotherRank:
+    """A communicator of one rank that gathers the numbers of another one, too."""
+
+    def __init__(self, comm: Any, other: Any) -> None:
+        self._comm, self._other, self.gathered = comm, other, 0
+
+    def allgather(self, own: Any) -> list[Any]:
+        if not isinstance(own, list):
+            return [own]
+        self.gathered += 1
+        return [own, self._other(own)]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._comm, name)
+
+
+def test_sweeps_go_on_until_the_changes_of_all_ranks_are_small_beside_the_largest_traction() -> None:
+    """Another rank that changes for ever, one whose tractions are a million times larger, and one like this."""
+    cut = {"kind": "extrinsic", "default": {"friction": {"kind": "coulomb", "mu_d": 20.0}}}
+    given = {**PATCH, "faults.main.contact": RIGID, "fracture": cut}
+    sweeps, open_steps = {}, {}
+    for name, other in {
+        "alike": lambda own: own, "changes": lambda own: [1e30, own[1]], "large": lambda own: [0.0, 1e6 * own[1]],
+    }.items():
+        model = Model(parse_case(faulted(given), HERE))
+        motion, state = stages.bind(model), model.initial_state()
+        for _ in range(3):
+            motion.step(state)
+        (tied,) = (each for each in motion.mechanisms if isinstance(each, TiedFaults))
+        tied.model = copy.copy(tied.model)
+        tied.model.comm = comm = WithAnotherRank(model.comm, other)
+        before = tied.unconverged
+        motion.step(state)
+        sweeps[name], open_steps[name] = comm.gathered, tied.unconverged - before
+    assert open_steps == {"alike": 0, "changes": 1, "large": 0}
+    assert 1 <= sweeps["large"] < sweeps["alike"] < sweeps["changes"]
