@@ -47,8 +47,16 @@ def keep_forms() -> None:
     jit.get_cached_module = read_once
 
 
+def shorten_rehearsals() -> None:
+    """Let `ruptfx check` time each part of a run once; it repeats them for half a second, for one number of a row."""
+    from ruptfx.run import cost
+
+    cost.SECONDS, cost.FEWEST, cost.PACES = 0.0, 1, 1
+
+
 if find_spec("dolfinx") is not None:
     keep_forms()
+    shorten_rehearsals()
 
 
 @pytest.fixture(autouse=True)
@@ -59,6 +67,16 @@ def no_figure_is_left_open(request: pytest.FixtureRequest) -> Iterator[None]:
         left = pyplot.get_fignums()
         pyplot.close("all")
         assert left == [] or request.node.get_closest_marker("docs")
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are written without contents, which take most of the time of commands whose files are the test."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: None)
+    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda engine, figure: None)
 
 
 @pytest.fixture(scope="session")

@@ -211,6 +211,7 @@ def test_times_of_a_nucleation_are_no_unknowns() -> None:
     assert not {"faults.main.nucleation.0.begin", "faults.main.nucleation.0.end"} & known.keys()
 
 
+@pytest.mark.slow  # and the benchmark `adjoint`
 def test_remainders_of_a_rupture_without_kinks_are_of_second_order() -> None:
     made = bench.Remainders(fem.MPI.COMM_SELF, ["density", "c_s"])
     assert made.least_order > 1.95
@@ -413,7 +414,7 @@ def test_a_law_whose_start_cannot_be_traced_is_refused(monkeypatch: pytest.Monke
     cls = alternatives("ruptfx.laws.friction")["linear_slip_weakening"]
     monkeypatch.setattr(cls, "initial_state", lambda self, normal, shear, rate: {
         "cumulative_slip": np.array([0.0 if value > 0 else 1.0 for value in normal])})  # fmt: skip
-    with pytest.raises(RuptfxError, match="a law acts point by point"):
+    with pytest.raises(RuptfxError, match=r"numpy\.where\("):
         gradient(parse_case(slip_weakening(RUPTURE)), progress=False)
 
 
@@ -473,7 +474,7 @@ STRIKE_SLIP = {"objective": SLIP, "duration": 1e-6}
         "boundaries": [{"kind": "absorbing", "edge": "upper.top"},
                        {"kind": "driven", "edge": "lower.bottom", "component": "x", "velocity": 0.1, "ramp": 1e-6}],
         "objective": [*SLIP, {"kind": "traces", "instrument": "body", "times": [6e-6], "data": {"velocity": [0.1]},
-                              "units": {"velocity": "m/s"}, "sigma": 0.1}]}), (0.7, 0.4, 0.12)),
+                              "units": {"velocity": "m/s"}, "sigma": 0.1}]}), (0.4, 0.12)),
     (strike_slip(STRIKE_SLIP), (0.3,)),
 ], ids=["plane", "solid"])  # fmt: skip
 def test_gradients_in_less_memory_are_bitwise_the_same(table: dict[str, Any], parts: tuple[float, ...]) -> None:

@@ -122,7 +122,7 @@ def test_the_same_on_any_ranks(kind: str) -> None:
 def test_explicit_and_implicit_steps_agree(kind: str) -> None:
     """Both are of second order: a quarter of the difference with half the step."""
     away = []
-    for steps in (120, 240):
+    for steps in (80, 160):
         ends = []
         for stepper in (LEAPFROG, IMPLICIT):
             smooth = with_boundary(kind, {

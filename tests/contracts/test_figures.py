@@ -74,7 +74,7 @@ def test_every_file_is_a_figure():
     assert all(getattr(plots, name) is draw and draw.__doc__ for name, draw in plots.FIGURES.items())
 
 
-@pytest.mark.parametrize("most", [3, pytest.param(None, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("most", [2, pytest.param(None, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", plots.FIGURES)
 def test_figure(name, most, records):
     """Runs that it suits, the first ones and all; if none does, give `synthetic.write_run` the data that it needs."""

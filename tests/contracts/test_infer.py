@@ -308,7 +308,7 @@ def test_the_progress_of_a_search_has_its_steps_and_never_decreases(
 
 def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path, pictures: None) -> None:
     out = tmp_path / "out"
-    case = with_unknowns(measured(SHEAR, None), FIELD, iterations=25)
+    case = with_unknowns(measured(SHEAR, None), FIELD, iterations=15)
     made = infer(case, out, progress=False)
     (stress,) = made.unknowns
     seen = np.abs(stress.position) < 3e3  # the rupture passes the rest too late
@@ -325,7 +325,7 @@ def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path, pictures: None) 
     rows = list(csv.DictReader((out / "misfit.csv").open()))
     assert [float(row["misfit"]) for row in rows] == [run.misfit for run in made.runs]
     assert rows[0]["iteration"] == "0" and rows[-1]["iteration"] in ("", str(len(made.iterates) - 1))
-    assert tomllib.loads((out / "case.toml").read_text())["inference"]["iterations"] == 25
+    assert tomllib.loads((out / "case.toml").read_text())["inference"]["iterations"] == 15
     assert (out / "inference.png").stat().st_size > 20000 and (out / "unknowns.csv").exists()
 
 
@@ -365,7 +365,7 @@ def test_an_interrupted_inference_goes_on_as_if_it_were_not(tmp_path: Path, monk
         np.testing.assert_array_equal(one.variables, other.variables)
     monkeypatch.setattr(inversion.Inversion, "_evaluate", counted)  # 3 were made: no further run is
     assert infer(case, tmp_path / "part", progress=False).best.misfit == whole.best.misfit
-    with pytest.raises(RuptfxError, match=facts(r"has an inference of another case")):
+    with pytest.raises(RuptfxError, match=rf"{re.escape(str(tmp_path / 'part'))}: .*--out"):
         infer(case.changed("duration", 1.59), tmp_path / "part", progress=False)
 
 
@@ -533,7 +533,7 @@ def test_several_cores_for_runs_that_depend_on_each_other_are_refused(tmp_path: 
 def test_a_run_that_fails_in_a_worker_ends_the_inference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Variables that are no numbers: its error is that of the call."""
     monkeypatch.setattr(searches, "METHODS", {"cma_es": lambda runs, settings: runs.values_alone([np.full(2, np.nan)])})
-    with pytest.raises(RuptfxError, match=facts("trial traction is not a number")):
+    with pytest.raises(RuptfxError, match="trial_shear_traction"):
         infer(at_once("cma_es"), tmp_path / "out", progress=False, cores=2)
 
 

@@ -141,10 +141,10 @@ def test_they_resume_bitwise(stepper: str, shared_tmp_path: Path) -> None:
     changes = {"stepper": {"kind": stepper, **required(stepper)}, "faults.main.friction": ANY_STEPPER}
     plain = with_instruments([], changes)
     steps = 6e-6 / plain.stepper.bind(Model(plain)).dt
-    slow = plain.stepper.adaptive or steps < 40
+    every = 5 if plain.stepper.adaptive else 2 if steps < 40 else 10
     interval = 3.7e-7 if steps > 20 or plain.stepper.adaptive else 6e-6 / steps * 1.01
     tables = [{**table, "interval": interval} for table in map(example, INSTRUMENTS)]
-    given = with_instruments(tables, {**changes, "output.checkpoint_steps": 2 if slow else 10})
+    given = with_instruments(tables, {**changes, "output.checkpoint_steps": every})
     whole, cut = shared_tmp_path / f"{stepper}_whole", shared_tmp_path / f"{stepper}_cut"
     simulate(given, whole, COMM, progress=False)
     if COMM.rank == 0:

@@ -56,7 +56,7 @@ def test_labels_of_a_frame_keep_apart(what, slides, record, tmp_path, monkeypatc
         record = Record(synthetic.write_run(
             tmp_path / "slides", synthetic.crack(TIME, POSITION), TIME, POSITION, snapshots=3, slides=True
         ))  # fmt: skip
-    frames = movies.frames(record, what, most=3)
+    frames = movies.frames(record, what, most=2)
     for _ in frames:
         assert label_faults(made[0][0]) == []
     assert len(made) == 1

@@ -97,7 +97,7 @@ def test_fractal_dimension_counts_pairs():
     points = np.arange(12.0)
     found = fractal_dimension(points, np.zeros(12), 1.5, 2.5)
     assert found.correlation[[0, -1]] == pytest.approx([11 / 66, 21 / 66])
-    with pytest.raises(RuptfxError, match="closer"):
+    with pytest.raises(RuptfxError, match=facts(r"12 events are closer than 0\.1 m")):
         fractal_dimension(points, np.zeros(12), 0.1, 0.5)
 
 
@@ -119,9 +119,9 @@ def test_omori_exponent_of_planted_rates(p):
 
 
 def test_omori_refuses_what_does_not_rise():
-    with pytest.raises(RuptfxError, match="does not rise"):
+    with pytest.raises(RuptfxError, match=facts(r"200 events .*\(t \+ c\)\^-p")):
         omori(np.sqrt(np.linspace(1e-6, 1.0, 200)))  # rarer and rarer towards the failure
-    with pytest.raises(RuptfxError, match="needs"):
+    with pytest.raises(RuptfxError, match=facts("2 events")):
         omori(np.array([1.0, 2.0]))
 
 
@@ -173,7 +173,7 @@ def test_catalogues_from_csv(tmp_path):
     assert catalogue.time.tolist() == [1.0, 2.0] and catalogue.x.tolist() == [3.0, 1.0]
     assert catalogue.energy == pytest.approx([6.30957e-11, 1e-6])
     path.write_text("time,x,y\n1,2,3\n")
-    with pytest.raises(RuptfxError, match=facts(r"no column magnitude.*this file has time, x, y")):
+    with pytest.raises(RuptfxError, match=facts(r"measured\.csv: .*\bmagnitude\b.*\btime, x, y\b")):
         read_catalogue(path)
     path.write_text("time,x,y,energy\n1,2,3,4\n1,2,three,4\n")
     with pytest.raises(RuptfxError, match=facts(r"line 3 of .*'three' is not a finite number")):

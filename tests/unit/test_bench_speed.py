@@ -82,7 +82,7 @@ def test_a_whole_command_by_phase(ranks: int, tmp_path: Path) -> None:
     found = _run(case, tmp_path, ranks)
     assert set(found) >= {"start", "model", "steps", "energies", "gathering", "writing", "end", "figures", "exit"}
     assert min(found.values()) > 0 and found["start"] < found["wall"]
-    with pytest.raises(RuptfxError, match="missing"):
+    with pytest.raises(RuptfxError, match=r"missing\.toml"):
         _run(tmp_path / "missing.toml", tmp_path, ranks)
 
 

@@ -285,6 +285,7 @@ def test_only_one_module_makes_consoles() -> None:
     assert [path.name for path in package.rglob("*.py") if "Console(" in path.read_text()] == ["terminal.py"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_names_are_printed_as_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path(f"{NAME}.toml").write_text(Path(launch.__file__).parents[1].joinpath("demos/maxwell_slip.toml").read_text())

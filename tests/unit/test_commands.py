@@ -73,7 +73,7 @@ def test_new_writes_a_case_that_is_commented(demo: str, tmp_path: Path) -> None:
         assert sum("#" in line for line in lines) >= 0.15 * sum("=" in line for line in lines)
 
 
-RUN = ("impact", "gmsh", "stick_slip", "strike_slip_3d")
+RUN = ("impact", "gmsh", "stick_slip")
 """Demos whose copies `make test` runs; `-m slow` runs all."""
 
 
@@ -272,6 +272,7 @@ def test_plot_of_one_figure_and_a_part_of_the_run(pushed: Path) -> None:
         assert refused.exit_code == 1 and words in said(refused), said(refused)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_figures_without_data_in_a_part_of_the_run_are_skipped(pushed: Path) -> None:
     """Between two snapshots of the bodies: the figures of the interface are drawn, and the others are listed."""
     with Record(pushed) as record:

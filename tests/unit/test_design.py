@@ -228,23 +228,12 @@ def contracts_of_examples(root: Path, *files: str) -> None:
     assert done.returncode == 0, done.stdout
 
 
-SHORT = ("cracks", "figures", "large_rotations", "sliding", "steppers")
-"""Files of contract tests that take some seconds for all examples."""
-
-
-@pytest.mark.fem
-def test_examples_keep_short_contracts_in_their_folders(tmp_path: Path) -> None:
-    pytest.importorskip("dolfinx")
-    contracts_of_examples(tmp_path, *(f"tests/contracts/test_{name}.py" for name in SHORT))
-
-
 @pytest.mark.slow
 @pytest.mark.fem
-def test_examples_keep_the_other_contracts_in_their_folders(tmp_path: Path) -> None:
+def test_examples_keep_the_contracts_in_their_folders(tmp_path: Path) -> None:
     """And every remedy of a refusal is accepted, and the table of support is true, with them among the kinds."""
     pytest.importorskip("dolfinx")
-    others = (f"--ignore=tests/contracts/test_{name}.py" for name in ("every_key", *SHORT))
-    contracts_of_examples(tmp_path, "tests/contracts", *others)
+    contracts_of_examples(tmp_path, "tests/contracts", "--ignore=tests/contracts/test_every_key.py")
 
 
 # -- examples --------------------------------------------------------------------------------------------------------

@@ -70,6 +70,7 @@ def test_errors_come_back(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         figure_process.draw(run)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_without_the_process_figures_are_drawn_all_the_same(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     waiting(monkeypatch)
     assert figure_process._waiting is not None
@@ -137,12 +138,13 @@ def test_nobody_waits_where_it_would_not_pay(monkeypatch: pytest.MonkeyPatch) ->
     assert figure_process._waiting is None and process is not None and process.returncode
 
 
+@pytest.mark.usefixtures("blank_pictures")  # those that are drawn here, without another process
 @pytest.mark.parametrize("alone", [False, True])
 def test_figures_are_named_where_phases_are_lines(
     alone: bool, run: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """One line for each when it is written; on a terminal a spinner shows that something is done."""
-    for shown in ("lines", "spinner", "nothing"):
+    for shown in ("lines", "spinner", "nothing") if alone else ("lines", "spinner"):
         if not alone:
             waiting(monkeypatch)
         monkeypatch.setenv("RUPTFX_TERMINAL", "1" if shown == "spinner" else "")

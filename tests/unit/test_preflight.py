@@ -27,6 +27,13 @@ from ruptfx.interfaces.sliding.roughness import _slope
 pytestmark = pytest.mark.fem
 
 
+@pytest.fixture(autouse=True)
+def only_costs_are_rehearsed(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Memory, files and time are measured in steps of the run, of which no other row has anything."""
+    if request.node.get_closest_marker("rehearsed") is None:
+        monkeypatch.setattr("ruptfx.app.checks.preflight._cost", lambda *_: iter(()))
+
+
 def rows(table: dict[str, Any]) -> dict[str, Row]:
     return {row.quantity.removeprefix("faults.main"): row for row in preflight(parse_case(table))}
 
@@ -532,6 +539,7 @@ def test_records_coarser_than_the_process() -> None:
 # -- what it costs ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.rehearsed
 @pytest.mark.parametrize(
     "changes",
     [
@@ -550,6 +558,7 @@ def test_size_of_files(changes: dict[str, Any], tmp_path: Path) -> None:
     assert rows(table)["files"].value == pytest.approx(there / 1e6, rel=0.3)
 
 
+@pytest.mark.slow
 def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
     """Within 30 % of what `ruptfx run` takes, with pictures; its time, as others use the machine, within a factor."""
     import tomli_w
@@ -650,6 +659,7 @@ def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypa
     assert not made
 
 
+@pytest.mark.rehearsed
 def test_what_fits_only_in_part_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     from ruptfx.app.checks import preflight
 
@@ -700,6 +710,7 @@ def test_what_instruments_see() -> None:
 OF_THE_MACHINE = {"memory", "files", "expected run time"}  # compared with runs above
 
 
+@pytest.mark.rehearsed
 def test_every_row_of_a_case() -> None:
     """Two plates of 32 mm x 8 mm in elements of 2 mm of order 2; 2.8 MPa of shear on 6 MPa, coefficients 0.6 and 0.3.
 

@@ -93,6 +93,7 @@ def test_a_case_that_was_edited_is_called_so(run: Path) -> None:
     assert says("case.toml was changed after the run", said)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_what_the_user_adds_or_draws_again_is_no_damage(run: Path) -> None:
     (run / "notes.txt").write_text("mine")
     (run / "mine").mkdir()
@@ -139,6 +140,7 @@ def damage(run: Path, how: str) -> None:
         (run / "case.toml").write_bytes(b"\xff\xfe")
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("how", ["step_foo", "summary", "column", "encoding", "case"])
 def test_one_bad_directory_hides_no_other(how: str, run: Path) -> None:
     good = write_run(run.with_name("two"))

@@ -205,7 +205,7 @@ def test_commands_show_a_former_name_once(capsys: pytest.CaptureFixture[str], mo
 
 def test_parts_are_strict_and_frozen() -> None:
     law = Coulomb(mu_d=0.5)
-    with pytest.raises(CaseError, match="do not change"):
+    with pytest.raises(CaseError, match=r"mu_d = 0\.6"):
         law.mu_d = 0.6
     for wrong in ("0.5", None, True, float("nan")):
         with pytest.raises(CaseError, match="mu_d"):
@@ -248,7 +248,7 @@ def test_without_dolfinx_the_error_names_commands_that_install_it() -> None:
 def test_mpiexec_beside_python_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     monkeypatch.setenv("PATH", str(tmp_path / "elsewhere"))
-    with pytest.raises(RuptfxError, match="no mpiexec found"):
+    with pytest.raises(RuptfxError, match="mpiexec"):
         launch.find_mpiexec()
     (tmp_path / "elsewhere").mkdir()
     for name in ("elsewhere/mpirun", "mpiexec"):

@@ -88,5 +88,5 @@ def test_what_is_refused(keys: dict[str, Any], message: str) -> None:
 
 
 def test_a_notch_of_no_length_is_refused() -> None:
-    with pytest.raises(RuptfxError, match="look at mesh"):
+    with pytest.raises(RuptfxError, match=r"mesh\.notches"):
         build(notches=[[0.0, 0.0, 0.0, 0.0]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -72,6 +73,11 @@ def test_other_facts_are_no_match() -> None:
     assert not says("at most 1, stepper.safety = 1.5", said)
 
 
+OF_TESTS = ("no good here", "no mesh today", "disk full", "no such mesh", "division by zero", "inserted sweeps",
+            "shows otherwise")  # fmt: skip
+"""Messages that tests or their helpers raise themselves, or Python."""
+
+
 @pytest.mark.parametrize("path", sorted(TESTS.rglob("test_*.py")), ids=lambda path: path.name)
 def test_messages_are_matched_by_their_facts(path: Path) -> None:
     """A sentence that is reworded breaks the test of its message at most: see `messages`."""
@@ -79,6 +85,9 @@ def test_messages_are_matched_by_their_facts(path: Path) -> None:
                  if isinstance(node, ast.keyword) and node.arg == "match"]  # fmt: skip
     texts = [node.value for node in sentences if isinstance(node, ast.Constant) and isinstance(node.value, str)]
     assert [text for text in texts if " " in text and facts(text) != text] == []
+    calls = [node for node in sentences if isinstance(node, ast.Call) and ast.unparse(node.func) == "facts"]
+    texts += [node.args[0].value for node in calls if isinstance(node.args[0], ast.Constant)]
+    assert [text for text in texts if re.fullmatch(r"(?:[A-Za-z]+ )+[A-Za-z]+", text) and text not in OF_TESTS] == []
 
 
 def test_what_tests_share_is_in_no_test() -> None:

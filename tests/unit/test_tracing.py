@@ -194,7 +194,7 @@ def test_a_constant_has_no_slope() -> None:
 def test_refuses_to_branch() -> None:
     with pytest.raises(RuptfxError, match=facts(r"use numpy\.where instead of if")):
         max(X, Y)
-    with pytest.raises(RuptfxError, match=r"must not branch"):
+    with pytest.raises(RuptfxError, match=r"numpy\.where"):
         bool(X > 1)
 
 
@@ -203,7 +203,7 @@ def test_refuses_what_is_not_pointwise() -> None:
         np.interp(X, [0, 1], [0, 1])
     with pytest.raises(RuptfxError, match=facts(r"numpy\.spacing cannot be traced; known functions: .*exp")):
         np.spacing(X)
-    with pytest.raises(RuptfxError, match="cannot be traced"):
+    with pytest.raises(RuptfxError, match=r"numpy\.spherical_bessel"):
         apply("spherical_bessel", X)
 
 

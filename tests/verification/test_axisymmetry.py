@@ -129,7 +129,7 @@ def test_files_have_the_hoop_stress(tmp_path: Any) -> None:
         hoop = float(stress.sel(stress_component="zz")[-1, here])
         assert hoop < -1e5
         assert {"stress_zz", "strain_zz"} <= set(record.instruments["ring"].data_vars)
-        with pytest.raises(RuptfxError, match=r"a polariscope needs .* in a plate"):
+        with pytest.raises(RuptfxError, match=f"^{record.path}: "):
             Camera(1e6, 1e-7, 1e-3).film(record)
         vtk = {path.name: path for path in vtk_files.whole(record, tmp_path)}
         with h5py.File(vtk["bulk.vtkhdf"]) as file:
@@ -231,7 +231,7 @@ def test_stresses_have_the_strain_around_the_axis() -> None:
 
 def test_what_cannot_be() -> None:
     plates = {"kind": "two_plates", "length": 4e-3, "height": 1e-3, "element_size": 1e-3}
-    with pytest.raises(CaseError, match="y is the radius"):
+    with pytest.raises(CaseError, match=r"plane = 'axisymmetric'"):
         Model(case({}, []).changed("mesh", plates))
-    with pytest.raises(CaseError, match="reaches the axis"):
+    with pytest.raises(CaseError, match=r"^faults\.\w+:"):
         Model(case({}, []).changed("mesh", {**plates, "kind": "block_on_rigid"}))

@@ -85,7 +85,7 @@ def test_tensor_is_resolved_on_the_interface() -> None:
     fault = Model(by_tensor).faults[0]
     np.testing.assert_allclose(fault.normal_stress_0, 6e6, rtol=1e-14)
     np.testing.assert_allclose(fault.shear_traction_0, 2e6, rtol=1e-14)
-    with pytest.raises(CaseError, match="either normal"):
+    with pytest.raises(CaseError, match=r"initial_stress.*\btensor\b"):
         case({"faults.main.initial_stress": {"tensor": [-3e6, -6e6, 2e6], "normal": 6e6}})
 
 
@@ -99,7 +99,7 @@ def test_table_from_a_csv_file(tmp_path: Path) -> None:
 
 def test_table_shorter_than_the_interface_is_refused_before_the_first_step() -> None:
     short = {"kind": "table", "positions": [0.0, 0.01], "values": [1e6, 2e6]}
-    covers = r"faults.main.{}: the table from 0 to 0.01 m does not cover .* to 0.012 m"
+    covers = r"faults.main.{}: .* 0 to 0.01 m .* to 0.012 m"
     with pytest.raises(CaseError, match=covers.format("initial_stress.shear")):
         Model(case({"faults.main.initial_stress": {"normal": 6e6, "shear": short}}))
     with pytest.raises(CaseError, match=covers.format("nucleation.0.extra")):
@@ -114,5 +114,5 @@ def test_slip_rate_and_state_give_the_stress() -> None:
     np.testing.assert_allclose(fault.shear_traction_0, 6e6 * (0.6 + 0.005 * np.log(1000)), rtol=1e-12)
     np.testing.assert_allclose(fault.initial_state()["slip_rate"], 1e-9, rtol=1e-10)
     contradictory = {"faults.main.friction": given, "faults.main.initial_stress": {"normal": 6e6, "shear": 1e6}}
-    with pytest.raises(CaseError, match="give two of the three"):
+    with pytest.raises(CaseError, match=r"initial_stress\.shear: friction\.V_initial"):
         Model(case(contradictory))
