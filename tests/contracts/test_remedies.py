@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import re
 import shlex
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from helpers.sliding_cases import rough
 from helpers.small_cases import COMPLIANT, HOMALITE, branched, plates, slip_weakening, strike_slip
 from typer.testing import CliRunner, Result
 
-from ruptfx import RuptfxError, Table
+from ruptfx import RuptfxError, Table, gradient, infer
 from ruptfx.app.cli import app
 from ruptfx.app.commands.infer import remedies_of
 from ruptfx.case import Case, parse_case
@@ -734,3 +735,210 @@ def test_remedies_of_commands_work(name: str, tmp_path: Path, monkeypatch: pytes
         session.works(first)
     for remedy in remedies(session.refused(command, says)):
         session.works(remedy)
+
+
+PLATES = (Path(__file__).parents[1] / "data" / "two_bodies.geo").read_text()
+SIDES = {"main": {"plus": "upper", "minus": "lower"}}
+CAP = PLATES.replace('"main") = {3}', '"main") = {3, 6}').replace('Physical Curve("upper.top") = {6};', "") + """
+Point(7) = {40e-3, 20e-3, 0, h}; Point(8) = {0, 20e-3, 0, h}; Line(8) = {5, 7}; Line(9) = {7, 8}; Line(10) = {8, 6};
+Curve Loop(3) = {-6, 8, 9, 10}; Plane Surface(3) = {3}; Physical Surface("cap") = {3};
+"""
+APART = PLATES
+for old, new in (
+    ("Point(5) =", "Point(7) = {40e-3, 0, 0, h / 3}; Point(8) = {0, 0, 0, h / 3}; Point(5) ="),
+    ("Line(5) = {3, 5}", "Line(5) = {7, 5}"), ("Line(7) = {6, 4};", "Line(7) = {6, 8}; Line(8) = {8, 7};"),
+    ("{-3, 5, 6, 7}", "{8, 5, 6, 7}"), ('"main") = {3}', '"main") = {3, 8}'),
+):  # fmt: skip
+    APART = APART.replace(old, new)
+ROCK = 'Physical Surface("rock") = {1, 2};'
+IN_ROCK = PLATES.replace('Physical Surface("lower") = {1}; Physical Surface("upper") = {2};', ROCK)
+IN_ROCK = re.sub(r'"(upper|lower)\.', '"rock.', IN_ROCK)
+
+
+def names_of(found: re.Match[str]) -> Changes:
+    return {"mesh.names": tomllib.loads(found[1])["names"]}
+
+
+class Meshed(NamedTuple):
+    """A script and changes of its case that are refused; each of `fixes`, replacements and changes, is accepted."""
+
+    script: str
+    changes: Changes
+    says: str
+    fixes: Callable[[re.Match[str]], list[tuple[dict[str, str], Changes]]]
+
+
+SLIDES = {"mesh.interfaces.main.matching": False, "faults.main.sliding": {}}
+MESHES: dict[str, Meshed] = {
+    "another name in the file": Meshed(
+        PLATES.replace('"main"', '"main fault"'), {}, r"as (names = \{.*\})$", lambda m: [({}, names_of(m))]),
+    "an interface with a blank": Meshed(
+        PLATES.replace('"main"', '"main fault"'), {"mesh.interfaces": {"main fault": SIDES["main"]}},
+        r"call it (\w+) here and in \[faults\], and add (names = \{.*\}) to",
+        lambda m: [({}, {"mesh.interfaces": {m[1]: SIDES["main"]}, "mesh.names": tomllib.loads(m[2])["names"],
+                         "faults": {m[1]: flat()["faults"]["main"]}})]),
+    "a name that is written wrong": Meshed(
+        PLATES, {"mesh.names": {"upper": "uper"}}, r"did you mean '(\w+)'",
+        lambda m: [({}, {"mesh.names.upper": m[1]})]),
+    "no interface in the file": Meshed(
+        PLATES.replace('Physical Curve("main") = {3};', "//"), {}, "correct the case",
+        lambda m: [({"//\n": 'Physical Curve("main") = {3};\n'}, {})]),
+    "cells in two groups": Meshed(
+        f"{PLATES}\n{ROCK}", {"mesh.interfaces": {}, "faults": None}, "list in .mesh. the bodies that count",
+        lambda m: [({}, {"mesh.names": {"lower": "lower", "upper": "upper"}}), ({}, {"mesh.names": {"all": "rock"}})]),
+    "an interface inside a body": Meshed(
+        IN_ROCK, {"mesh.interfaces.main": {"plus": "rock", "minus": "rock"}}, r"as normal = \[(.*?), (.*?)\]",
+        lambda m: [({}, {"mesh.interfaces.main.normal": [float(m[1]), float(m[2])]})]),
+    "a normal along the interface": Meshed(
+        IN_ROCK, {"mesh.interfaces.main": {"plus": "rock", "minus": "rock", "normal": [1.0, 0.0]}},
+        rf"has the normal \({N}, {N}\)",
+        lambda m: [({}, {"mesh.interfaces.main.normal": [number(m), number(m, 2)]})]),
+    "elements of third order": Meshed(
+        f"{PLATES}\nMesh.ElementOrder = 3; Recombine Surface{{1, 2}};", {},
+        r"\((Mesh\.ElementOrder = 1)\), or quadrilaterals of nine nodes \((Mesh\.SecondOrderIncomplete = 0)\)",
+        lambda m: [({"Mesh.ElementOrder = 3": way}, {}) for way in (m[1], f"Mesh.ElementOrder = 2; {m[2]}")]),
+    "two kinds of cells": Meshed(
+        f"{PLATES}\nRecombine Surface{{1}};", {}, "mesh it with one",
+        lambda m: [({"Recombine Surface{1}": "Recombine Surface{1, 2}"}, {}), ({"Recombine Surface{1};": ""}, {})]),
+    "facets beside a third body": Meshed(
+        CAP, {}, "list these bodies, too, or leave the facets out", lambda m: [({"{3, 6}": "{3}"}, {})]),
+    "sides of other nodes": Meshed(
+        APART, {"faults.main.contact": COMPLIANT}, r"matching = false here, and the table \[faults\.(\w+)\.sliding\]",
+        lambda m: [({"h / 3": "h"}, {}), ({}, SLIDES)]),
+    "a script that does more": Meshed(
+        f'{PLATES}\nSystemCall "true";', {}, r"add (trust) = true to \[mesh\]", lambda m: [({}, {"mesh.trust": True})]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_remedies_of_mesh_files_are_accepted(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    script, changes, says, fixes = MESHES[name]
+    file = tmp_path / "mesh.geo"
+    table = flat(mesh={"kind": "gmsh_file", "file": str(file), "interfaces": SIDES})
+    file.write_text(script + "\n")
+    found = refused(changed(table, changes), says)
+    for replacements, more in fixes(found):
+        text = script
+        for old, new in replacements.items():
+            assert old in text
+            text = text.replace(old, new)
+        file.write_text(text + "\n")
+        step(changed(changed(table, changes), more))
+
+
+MU, SHEAR = "faults.main.friction.mu_d", "faults.main.initial_stress.shear"
+
+
+def observed(unknowns: list[Table], **keys: Any) -> Table:
+    """A rupture with two data and unknowns, 32 mm long."""
+    return slip_weakening({"order": 1, "duration": 3e-6, "instruments": [BODY], "objective": [TRACE],
+                           "unknowns": unknowns, **{key.replace("__", "."): value for key, value in keys.items()}})
+
+
+GRADIENTS: dict[str, Remedy] = {
+    "knots beyond the interface": Remedy(
+        observed([{"key": SHEAR, "shape": "knots", "knots": [1.0, 2.0]}], mesh__length=0.0333333333),
+        rf"from {N} m to {N} m; place knots there", lambda m: [{"unknowns.0.knots": [number(m), number(m, 2)]}]),
+    "a knot on which nothing depends": Remedy(
+        observed([{"key": SHEAR, "shape": "knots", "knots": [0.0, 0.02, 0.9, 1.0]}]), rf"at {N} m; remove it",
+        lambda m: [{"unknowns.0.knots": [each for each in (0.0, 0.02, 0.9, 1.0) if each != number(m)]}]),
+    "knots of a constant": Remedy(
+        observed([{"key": "materials.default.density", "shape": "knots", "knots": [0.0, 0.02]}]),
+        "use shape = '(number)'", lambda m: [{"unknowns.0.shape": m[1], "unknowns.0.knots": None}]),
+    "knots without positions": Remedy(
+        observed([{"key": SHEAR, "shape": "knots"}]), "give both or none",
+        lambda m: [{"unknowns.0.shape": "number"}, {"unknowns.0.knots": [0.0, 0.02]}]),
+    "knots on a surface": Remedy(
+        solid(order=1, duration=1e-6, objective=[{"kind": "final_slip", "target": 1e-6, "sigma": 1e-6}],
+              unknowns=[{"key": SHEAR, "shape": "knots", "knots": [0.0, 1e-3]}]),
+        "use '(number)'", lambda m: [{"unknowns.0.shape": m[1], "unknowns.0.knots": None}]),
+    "a key that is written wrong": Remedy(
+        observed([{"key": MU[:-1]}]), "did you mean '(.*?)'", lambda m: [{"unknowns.0.key": m[1]}]),
+    "a key twice": Remedy(observed([{"key": MU}] * 2), "remove one of them", lambda m: [{"unknowns.1": None}]),
+    "a parameter of all terms, and of one": Remedy(
+        observed([{"key": "objective.*.gain"}, {"key": "objective.0.gain"}]), "remove one of them",
+        lambda m: [{"unknowns.1": None}, {"unknowns.0": None}]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GRADIENTS)
+def test_remedies_of_gradients_are_accepted(name: str) -> None:
+    def differentiate(table: Table) -> None:
+        gradient(parse_case(table), progress=False)
+
+    table, says, fixes = GRADIENTS[name]
+    with pytest.raises(RuptfxError) as caught:
+        differentiate(table)
+    found = re.search(says, str(caught.value), re.DOTALL)
+    assert found is not None, str(caught.value)
+    for changes in fixes(found):
+        differentiate(changed(table, changes))
+
+
+NUMBER = {"key": MU, "shape": "number", "bounds": [0.2, 0.5]}
+SHIFT = {"key": "objective.0.time_shift", "shape": "number"}
+EARLY = {**TRACE, "times": [-1.1e-6, 1.3333333e-6, 2.2e-6, 5e-6], "data": {"velocity": [0.1] * 4}}
+INFERENCES: dict[str, Remedy] = {
+    "data outside of the run": Remedy(
+        observed([NUMBER], objective=[EARLY]),
+        rf"begin = {N} and make the run longer or leave the late ones out with end = {N}",
+        lambda m: [{"objective.0.begin": number(m), "objective.0.end": number(m, 2)},
+                   {"objective.0.begin": number(m), "duration": 5.1e-6}]),
+    "bounds beside the case": Remedy(
+        observed([{**NUMBER, "bounds": [0.3, 0.5]}], faults__main__friction__mu_d=0.2345678),
+        rf"the value of the case, {N}, .*widen them, or change the case",
+        lambda m: [{"unknowns.0.bounds": [0.9 * number(m), 0.5]}, {MU: 0.4}]),
+    "bounds that the key refuses": Remedy(
+        observed([{**NUMBER, "bounds": [-0.1, 0.5]}]), "give bounds that the key accepts",
+        lambda m: [{"unknowns.0.bounds": [0.0, 0.5]}]),
+    "a time shift without bounds": Remedy(
+        observed([dict(SHIFT)]), "bounds: .* needs some", lambda m: [{"unknowns.0.bounds": [-1e-7, 1e-7]}]),
+    "a time shift as a field": Remedy(
+        observed([{**SHIFT, "shape": "field", "bounds": [-1e-7, 1e-7]}]), "use shape = '(number)'",
+        lambda m: [{"unknowns.0.shape": m[1]}]),
+    "bounds beyond the data": Remedy(
+        observed([{**SHIFT, "bounds": [-1.5e-6, 1e-7]}]), rf"begin = {N}, or narrow the bounds of the shift",
+        lambda m: [{"objective.0.begin": number(m)}, {"unknowns.0.bounds": [-1e-6, 1e-7]}]),
+    "the logarithm of zero": Remedy(
+        observed([{"key": "objective.0.offset", "shape": "number", "scale": "log", "bounds": [0.1, 1.0]}]),
+        "use '(linear)'", lambda m: [{"unknowns.0.scale": m[1], "unknowns.0.bounds": [-1.0, 1.0]}]),
+    "a constant of bodies": Remedy(
+        observed([NUMBER, {"key": "materials.default.density", "shape": "number"}]), "remove it",
+        lambda m: [{"unknowns.1": None}]),
+    "no unknowns": Remedy(observed([]), r"add entries \[\[unknowns\]\]", lambda m: [{"unknowns": [NUMBER]}]),
+    "no sum of squares": Remedy(
+        observed([NUMBER], inference__method="gauss_newton", objective=[{
+            "kind": "mode_degree", "mode": "crack", "threshold": 1e-3, "loaded_end": 13e-3, "far_end": 30e-3,
+            "spacing": 1e-3, "interval": 1e-7}]),
+        r"use method = '(\w+)'", lambda m: [{"inference.method": m[1]}]),
+    "too few walkers": Remedy(
+        observed([NUMBER, {"key": SHEAR, "shape": "number", "bounds": [-1e9, 1e9]}, {
+            "key": "objective.0.gain", "shape": "number", "bounds": [0.5, 2.0]}],
+            inference={"method": "ensemble", "population": 4}),
+        r"needs at least (\d+) walkers", lambda m: [{"inference.population": int(m[1])}]),
+    "walkers without bounds": Remedy(
+        observed([{"key": MU, "shape": "number"}], inference={"method": "ensemble"}), "give one of them",
+        lambda m: [{"unknowns.0.bounds": [0.2, 0.5]}, {"unknowns.0.sigma": 0.02}]),
+    "a field without a prior": Remedy(
+        observed([{"key": SHEAR}]), "give both, or shape = '(number)'",
+        lambda m: [{"unknowns.0.sigma": 1e5, "unknowns.0.correlation_length": 5e-3}, {"unknowns.0.shape": m[1]}]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", INFERENCES)
+def test_remedies_of_inferences_are_accepted(name: str, tmp_path: Path) -> None:
+    """An iteration of the search is made, and files are written."""
+
+    def search(table: Table, folder: str) -> None:
+        table = changed(table, {"inference.iterations": 1})
+        infer(parse_case(table), tmp_path / folder, progress=False)
+        assert (tmp_path / folder / "best.toml").is_file()
+
+    table, says, fixes = INFERENCES[name]
+    with pytest.raises(RuptfxError) as caught:
+        search(table, "refused")
+    found = re.search(says, str(caught.value), re.DOTALL)
+    assert found is not None, str(caught.value)
+    for index, changes in enumerate(fixes(found)):
+        search(changed(table, changes), str(index))
