@@ -42,9 +42,11 @@ from ruptfx.interfaces.collisions import AnyCollisions
 from ruptfx.interfaces.cracks import AnyFracture
 from ruptfx.interfaces.faults.initial_stress import InitialStress
 from ruptfx.interfaces.sliding import Sliding
+from ruptfx.interfaces.slip_histories import AnySlipHistory
 from ruptfx.laws.cohesion import AnyCohesion
 from ruptfx.laws.contact import AnyContact
-from ruptfx.laws.friction import AnyFriction
+from ruptfx.laws.friction import AnyFriction, FrictionLaw
+from ruptfx.laws.friction.coulomb import Coulomb
 from ruptfx.laws.materials import AnyMaterial, Material, Plane
 from ruptfx.laws.nucleation import AnyNucleation
 from ruptfx.readings.instruments import AnyInstrument
@@ -59,7 +61,7 @@ if TYPE_CHECKING:
 FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
     "attachments", "steppers", "instruments", "misfits", "profiles", "phases", "cameras", "initial_stress",
-    "stop_rules",
+    "stop_rules", "slip_histories",
 ]  # fmt: skip
 
 
@@ -72,8 +74,10 @@ class FaultCase(Part):
 
     contact: AnyContact
     """Contact method for opening and slip."""
-    friction: AnyFriction
-    """Friction law."""
+    friction: AnyFriction | None = None
+    """Friction law; only an interface with prescribed slip needs none, and then has no other slip."""
+    prescribed_slip: list[AnySlipHistory] = []
+    """Slip that is given in space and time, in place of friction; the slips of several entries add up."""
     cohesion: AnyCohesion | None = None
     """Cohesive law in tension and shear, in addition to friction."""
     initial_stress: InitialStress = InitialStress()
@@ -86,10 +90,26 @@ class FaultCase(Part):
     nucleation: list[AnyNucleation] = []
     """Nucleation of the rupture; entries act together."""
 
-    @field_validator("nucleation", mode="before")
+    @field_validator("nucleation", "prescribed_slip", mode="before")
     @classmethod
     def _as_list(cls, value: object) -> object:
         return [value] if isinstance(value, dict) else value
+
+    @model_validator(mode="after")
+    def _rubs_or_slips(self) -> Self:
+        if self.friction is None and not self.prescribed_slip:
+            raise ValueError("friction: missing; give a law, or all of the slip in prescribed_slip")
+        if self.friction is None and self.nucleation:
+            raise ValueError(
+                "nucleation: loads or weakens friction, and there is no law; give friction, too, or remove "
+                "it"
+            )
+        return self
+
+    @property
+    def law(self) -> FrictionLaw:
+        """The friction law; one without effect where all slip is prescribed."""
+        return Coulomb(mu_d=0.0) if self.friction is None else self.friction
 
 
 Velocity = Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s")]
@@ -304,6 +324,8 @@ class Case(CaseFile):
                     choices[f"faults.{name}.{field}"] = type(part)
             if fault.gap is not None:
                 choices[f"faults.{name}.gap"] = type(fault)
+            if fault.prescribed_slip:
+                choices[f"faults.{name}.prescribed_slip"] = type(fault)
         choices |= {key: type(boundary) for key, boundary in self.all_boundaries()}
         choices |= {f"attachments.{number}": type(each) for number, each in enumerate(self.attachments)}
         for key, damping in self.all_dampings():

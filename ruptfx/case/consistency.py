@@ -219,7 +219,7 @@ def _missing_stress(case: Case) -> Messages:
                 "the bodies, [initial_stress]"
             )
     for name, fault in case.faults.items():
-        if fault.initial_stress.of_bodies:
+        if fault.initial_stress.of_bodies and fault.friction is not None:
             yield (
                 f"faults.{name}.initial_stress: missing; give normal (and shear) or tensor, or the stress of "
                 "the bodies, [initial_stress]"

@@ -412,6 +412,14 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
     Row("cohesion", "an interface with {other} has no cohesion", beside="gap", of_one_fault=True,
         drop=("cohesion", "gap")),
     Row("gap", "the interfaces of {stepper} stay closed", swap=BY_STEPPER, drop=("gap",)),
+    *(Row("prescribed_slip", reason, beside=other, of_one_fault=True, drop=("prescribed_slip", other))
+      for other, reason in {
+        "sliding": "surfaces that slide far have no points that stay opposite",
+        "gap": "both sides stay together where slip is prescribed",
+        "cohesion": "an interface with {other} breaks by itself",
+    }.items()),
+    Row("prescribed_slip", "bodies that break move the sides of an interface themselves", beside="fracture",
+        drop=("prescribed_slip",)),
     Row("ties", "{stepper} cannot tie nodes", swap=BY_STEPPER, drop=("ties",)),
     Row("ties", "bodies that break cannot be tied", beside="fracture", drop=("ties",)),
     Row("inertia", "without effect, for {stepper} has no waves", swap=BY_STEPPER, drop=("inertia",)),
@@ -436,7 +444,8 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
     Row("objective", "its steps have no adjoint, which objective needs and a study with sampling = 'cma_es' does not",
         needs="adjoint", shown="stepper", swap=BY_STEPPER, drop=("objective",)),
     *(Row(feature, NO_ADJOINT, beside="objective", drop=(feature, "objective")) for feature in (
-        "sliding", "cohesion", "stages", "large_rotations", "fracture", "collisions", "ties", "attachments")),
+        "sliding", "cohesion", "prescribed_slip", "stages", "large_rotations", "fracture", "collisions", "ties",
+        "attachments")),
     Row("memory", NO_ADJOINT, beside="objective", swap=("memory",), drop=("objective",)),
 )  # fmt: skip
 """The table of features and capabilities, with rules for what two or three parts say of each other."""

@@ -101,6 +101,8 @@ class Moment:
         Power of friction and its duration: their product is the energy dissipated since the last update.
     threshold : [m/s]
         `output.rupture_threshold`; infinite before `output.rupture_after`.
+    held : bool
+        True where slip is prescribed, whatever the normal stress is.
     """
 
     time: Array
@@ -114,6 +116,7 @@ class Moment:
     power: Array
     duration: Array
     threshold: Array
+    held: Any = False
 
 
 @dataclass(frozen=True)
@@ -181,7 +184,7 @@ _NEVER = 1e300  # m/s
 
 def _peak(old: Array, at: Moment) -> Array:
     # An opening compliant interface releases its traction within one step, which is no sliding.
-    return np.maximum(old, np.where(at.normal_stress > 0, at.speed, 0.0))
+    return np.maximum(old, np.where((at.normal_stress > 0) | at.held, at.speed, 0.0))
 
 
 def _work(old: Array, at: Moment) -> Array:
@@ -265,6 +268,8 @@ ACCUMULATED = (
     "pairing_update_loss", "rotation_error", "boundary_work",
 )  # fmt: skip
 """Energies accumulated or stored by steps."""
+PRESCRIBED = "prescribed_slip"
+"""Column of the energy table of cases with prescribed slip."""
 OF_BODIES = "force_of_bodies"
 """Nodal field of explicit steps with large rotations: force of cells, facets and supports [N]."""
 OF_COLLISIONS, OF_VISCOSITY = "force_of_collisions", "force_of_viscosity"

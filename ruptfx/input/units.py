@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     VaryingSpeed = Varying
     VaryingVelocity = Varying
     VaryingSquaredSpeed = Varying
+    VaryingSlipRate = Varying
     VaryingTime = Varying
     VaryingDelay = Varying
     VaryingInstant = Varying
@@ -98,6 +99,7 @@ else:
     VaryingSpeed = varying(Positive, "m/s")
     VaryingVelocity = varying(NonNegative, "m/s")
     VaryingSquaredSpeed = varying(Positive, "m2/s2")
+    VaryingSlipRate = varying(float, "m/s")
     VaryingTime = varying(Positive, "s")
     VaryingDelay = varying(NonNegative, "s")
     VaryingInstant = varying(float, "s")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, wraps
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 from ruptfx import RuptfxError
 
+Given, Read = ParamSpec("Given"), TypeVar("Read")
 Sums = dict[str, list[int | str] | None]
 """Size and sha256 of files by absolute path; None where there is no file."""
 
@@ -54,6 +57,24 @@ def identity(path: Path) -> list[int | str] | None:
         return list(_identity(path, state.st_size, state.st_mtime_ns, state.st_ino)) if path.is_file() else None
     except OSError:
         return None
+
+
+def read_once(read: Callable[Concatenate[str, Given], Read]) -> Callable[Concatenate[str, Given], Read]:
+    """Decorate a function that reads a file: it is called again where the file or another argument has changed."""
+
+    @lru_cache(maxsize=8)
+    def remembered(file: str, _: tuple[int, int, int] | None, *others: Given.args, **named: Given.kwargs) -> Read:
+        return read(file, *others, **named)
+
+    @wraps(read)
+    def reading(file: str, *others: Given.args, **named: Given.kwargs) -> Read:
+        try:
+            state = Path(file).stat()
+        except OSError:  # the reader says why
+            return read(file, *others, **named)
+        return remembered(file, (state.st_size, state.st_mtime_ns, state.st_ino), *others, **named)
+
+    return reading
 
 
 @lru_cache(maxsize=256)

@@ -38,7 +38,7 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     name = str(data.attrs.get("fault", ""))
     try:
         laws = _laws(record, name)
-        if laws is None:
+        if laws is None or laws.friction is None:
             return None
         law = laws.friction.at(position)
         for nucleation in laws.nucleation:
@@ -62,7 +62,7 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
 class Strength(Part):
     """The keys of an interface on which its shear strength depends."""
 
-    friction: AnyFriction
+    friction: AnyFriction | None = None
     """Friction law."""
     cohesion: AnyCohesion | None = None
     """Cohesive law."""

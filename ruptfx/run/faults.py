@@ -16,6 +16,7 @@ from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.interface import Interface, build_interface
 from ruptfx.interfaces.faults.nearest import nearest_on_line, nearest_on_surface
+from ruptfx.interfaces.faults.prescribed_slip import PrescribedSlip
 from ruptfx.interfaces.sliding.interface import build_sliding
 from ruptfx.laws.nucleation import first_begun
 from ruptfx.platform import parallel
@@ -49,10 +50,14 @@ def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[
         face = replace(face, weight=2 * np.pi * radius * face.weight)
     _check_positions(case, name, face, fault)
     fault = located(fault, lambda key, place: _position_of(model, face, key, place), f"faults.{name}")
-    error = None
+    error, deepest = None, 0.0 if face.across is None else float(face.across.max(initial=0.0))
+    width = parallel.largest(model.comm, deepest)
     try:
-        law, contact = fault.friction.at(face.locations), fault.contact.at(face.locations)
+        law, contact = fault.law.at(face.locations), fault.contact.at(face.locations)
         normal, shear = fault.initial_stress.tractions(face, law, case.initial_stress)
+        if fault.friction is None:
+            normal = np.nan_to_num(normal)  # nothing depends on it
+        prescribed = _prescribed(case, face, fault, width)
         for nucleation in fault.nucleation:
             nucleation.at(face.locations)  # refuses bad profiles before the first step
             law = nucleation.weaken(law, face.locations)
@@ -75,13 +80,50 @@ def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[
     if after is None:
         after = max(first_begun(fault.nucleation)[0], 0.0)
     direction = fault.initial_stress.directions(normal, shear)
-    made = Fault(name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after)
+    made = Fault(
+        name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after, prescribed
+    )
     try:
         made.require_strength()
     except CaseError as caught:  # the points of a rank may differ
         error = caught
     parallel.raise_on_all(model.comm, error)
     return made, fault
+
+
+def _prescribed(case: Case, face: Interface, fault: FaultCase, width: float) -> PrescribedSlip | None:
+    """Return the slip that is prescribed at the points of this rank.
+
+    Raises
+    ------
+    CaseError
+        On the rank that meets the error: slip at time zero, and a slip rate that jumps where bodies have inertia.
+    """
+    if not fault.prescribed_slip:
+        return None
+    histories = []
+    for number, each in enumerate(fault.prescribed_slip):
+        try:
+            histories.append(each.bind(face, width))
+        except CaseError as error:
+            raise CaseError(f"prescribed_slip.{number}: {error}") from None
+    slip = PrescribedSlip(histories, fault.friction is None)
+    most, largest = case.output.rupture_threshold, float(np.abs(slip.slip(0.0)).max(initial=0.0))
+    if largest > 0:
+        raise CaseError(
+            f"prescribed_slip: slips {largest:.4g} m at time 0, where nothing has moved; begin with no "
+            "slip"
+        )
+    if "inertia" in case.stepper.offers and np.any(slip.jump > most):
+        point = int(np.argmax(slip.jump))
+        raise CaseError(
+            f"prescribed_slip: the slip rate jumps by {slip.jump[point]:.4g} m/s at position "
+            f"{face.position[point]:.6g} m, "
+            f"and by more than output.rupture_threshold = {most:g} m/s steps with inertia excite the mesh; let it "
+            "grow in "
+            "time (ramp, smoothing, or samples that begin and end at rest), or use a stepper without inertia"
+        )
+    return slip
 
 
 def _check_positions(case: Case, name: str, face: Interface, fault: FaultCase) -> None:
@@ -171,7 +213,7 @@ def _position_of(model: System, face: Interface, key: str, place: Place) -> floa
 
 def _with_key(fault: FaultCase, message: str) -> str:
     """Return the end of a key and a message, which may begin with the class and the field of a part of a fault."""
-    parts = {"friction": fault.friction, "contact": fault.contact, "initial_stress": fault.initial_stress,
+    parts = {"friction": fault.law, "contact": fault.contact, "initial_stress": fault.initial_stress,
              **{f"nucleation.{number}": each for number, each in enumerate(fault.nucleation)}}  # fmt: skip
     keys = [key for key, part in parts.items() if message.startswith(f"{type(part).__name__}.")]
     # Two nucleations of one kind are not told apart.

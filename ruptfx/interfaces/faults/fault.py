@@ -14,6 +14,7 @@ from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults import cohesive_interface
 from ruptfx.interfaces.faults.cohesive_interface import Losses, TracedCohesion
 from ruptfx.interfaces.faults.interface import Interface
+from ruptfx.interfaces.faults.prescribed_slip import PrescribedSlip
 from ruptfx.interfaces.faults.projection import TracedLaw, explain, least_strength
 from ruptfx.laws.cohesion import CohesiveLaw
 from ruptfx.laws.contact import ContactMethod, Way
@@ -51,6 +52,8 @@ class Fault:
         Cohesion in addition to friction, until the points have failed.
     rupture_after : float
         Time from which ruptures count [s].
+    prescribed : PrescribedSlip or None
+        Slip that is given at some or all points, where friction does not act.
     """
 
     name: str
@@ -64,6 +67,7 @@ class Fault:
     gap: np.ndarray | None = None
     cohesion: CohesiveLaw | None = None
     rupture_after: float = 0.0
+    prescribed: PrescribedSlip | None = None
 
     @property
     def slides(self) -> bool:
@@ -81,6 +85,11 @@ class Fault:
             return np.ones(len(self.normal_stress_0), dtype=bool)
         pressed = self.normal_stress_0 > 0
         return pressed if self.gap is None else pressed | (self.gap > 0)
+
+    @property
+    def is_held(self) -> np.ndarray:
+        """True where slip is prescribed, shape (n,)."""
+        return np.zeros(len(self.normal_stress_0), dtype=bool) if self.prescribed is None else self.prescribed.held
 
     @property
     def is_loaded(self) -> bool:
@@ -133,6 +142,8 @@ class Fault:
         creep = np.minimum(creep, self.friction.largest_initial_slip_rate())
         direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
         rate = np.where(speed[:, None] > 0, values, creep[:, None] * direction)
+        if self.prescribed is not None:
+            rate = np.where(self.prescribed.held[:, None], self.prescribed.rate(0.0), rate)
         start = {
             "normal_stress": self.normal_stress_0, "opening": self.opening(self.interface.resting_jump),
             "slip": np.zeros_like(rate), "slip_rate": rate, "mean_slip_rate": rate,
@@ -159,7 +170,7 @@ class Fault:
         law = TracedLaw(self.friction, at_end=True)
         state = {name: value for name, value in self.initial_state().items() if name in law.state_names}
         for name, values in state.items():
-            wrong = np.flatnonzero(~(np.abs(values) <= _LARGEST_STATE))
+            wrong = np.flatnonzero(~(np.abs(values) <= _LARGEST_STATE) & ~self.is_held)
             if len(wrong):
                 point = int(wrong[0])
                 shear, normal = float(np.linalg.norm(self.shear_traction_0[point])), float(self.normal_stress_0[point])
@@ -174,7 +185,7 @@ class Fault:
         for time, rate in itertools.product(_TRIED_TIMES, _TRIED_RATES):
             rates = np.full(len(pressed), rate)
             strength = law(rates, pressed, state, time, before=rates, speed_before=rates).strength
-            wrong = np.flatnonzero(~(strength >= 0))
+            wrong = np.flatnonzero(~(strength >= 0) & ~self.is_held)
             if len(wrong):
                 point = int(wrong[0])
                 raise CaseError(
@@ -209,11 +220,13 @@ class Fault:
         """Return the shear components of a field, shape (n, tangents)."""
         return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
 
-    def elastic_energy(self, state: FaultState, added: np.ndarray, ahead: float, time: float) -> tuple[float, float]:
-        """Return the energy of the interface beyond that of the initial stress, and the loss in friction [J].
+    def elastic_energy(
+        self, state: FaultState, added: np.ndarray, ahead: float, time: float
+    ) -> tuple[float, float, float]:  # fmt: skip
+        """Return the energy of the interface beyond that of the initial stress, and losses in friction and in slip [J].
 
-        Sums over the points of this rank, at a time `ahead` [s] after the tractions. `added` is the displacement jump
-        since the tractions at `time` [s], shape (n, local).
+        The last one is that of prescribed slip. Sums over the points of this rank, at a time `ahead` [s] after the
+        tractions. `added` is the displacement jump since the tractions at `time` [s], shape (n, local).
         """
         face = self.interface
         opening, jump = face.split(added)
@@ -225,8 +238,13 @@ class Fault:
         before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
         if self.cohesion is not None:
             now = now + cohesive_interface.stored(state)
-        area = face.owned * face.weight
-        return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
+        area, taken = face.owned * face.weight, np.sum(shear * slip, axis=1)
+        prescribed = self.prescribed_power(taken)
+        return float(np.sum(area * (now - before))), float(area @ taken) - prescribed, prescribed
+
+    def prescribed_power(self, power: np.ndarray) -> float:
+        """Return the part of a power of slip [W/m2], shape (n,), at points of this rank with prescribed slip [W]."""
+        return float((self.interface.owned * self.interface.weight * self.is_held) @ power)
 
     def cohesive_losses(self, old: FaultState, new: FaultState, since: float) -> Losses:
         """Return what cohesion takes in a step of the length `since` [s] that ends with the traction."""

@@ -16,11 +16,12 @@ from typing import ClassVar
 import numpy as np
 
 from ruptfx.bodies.state import FaultState
+from ruptfx.input.fields import component_names
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.held_points import HeldPoints, coupled_points, coupling_columns
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import FAILURE, PointCode, filled
-from ruptfx.interfaces.faults.points import Clock
+from ruptfx.interfaces.faults.points import Clock, frictional_power
 from ruptfx.platform.codegen.native import address
 from ruptfx.platform.codegen.tracing import constant, symbol
 
@@ -63,12 +64,14 @@ class FaultStep:
     ----------
     work : float
         Work of the nucleation in the last step, points of this rank [J].
+    prescribed_work : float
+        Energy that prescribed slip took from the bodies in the last step, points of this rank [J].
     """
 
     sources: ClassVar[tuple[str, ...]] = ("interfaces/faults/fault_step.c",)
 
     def __init__(self, fault: Fault, inverse_mass: np.ndarray, clock: Clock, threshold: float) -> None:
-        self.fault, self.clock, self.work = fault, clock, 0.0
+        self.fault, self.clock, self.work, self.prescribed_work = fault, clock, 0.0, 0.0
         law, face = fault.traced_law(), fault.interface
         self._inverse_mass = inverse_mass
         index = np.zeros(0, np.int64) if fault.contact.traction_ends_slip else coupled_points(face, inverse_mass)
@@ -169,10 +172,30 @@ class FaultStep:
                 self._coupled.put("shear_traction_0", fault.shear_traction_0 + load)
         if fault.cohesion is not None:
             self._held = (np.maximum(-state["normal_stress"], 0.0), state["opening"].copy())
+        before = self._prescribe(state, time)
         self._update(state, displacement, velocity, force, time)
         if fault.is_loaded:
             self._add_work(state, fault.load(time - since), load, rate_old)
-        return float(self._result[0])
+        if fault.prescribed is not None:
+            duration = since if fault.contact.traction_ends_slip else self.clock.kick
+            self.prescribed_work = fault.prescribed_power(frictional_power(fault, before, state, since)) * duration
+        return float(self._result[0]) - self.prescribed_work
+
+    def _prescribe(self, state: FaultState, time: float) -> FaultState:
+        """Set the prescribed slip rates of a step; return copies of the fields of which its work depends."""
+        fault, since = self.fault, self.clock.since
+        if fault.prescribed is None:
+            return {}
+        slip, rate = (fault.components(state, name) for name in ("slip", "mean_slip_rate"))
+        if fault.contact.traction_ends_slip:
+            rates = fault.prescribed.mean_rate(time, slip, since)
+        else:
+            rates = fault.prescribed.mean_rate(time + self.clock.dt, slip + since * rate, self.clock.dt)
+        self._code.put("prescribed_rate", rates)
+        if self._coupled is not None:
+            self._coupled.put("prescribed_rate", rates)
+        fields = "mean_slip_rate", "shear_traction"
+        return {name: state[name].copy() for field in fields for name in component_names(field, fault.tangents)}
 
     def _update(
         self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, time: float

@@ -43,7 +43,7 @@ INLINE void coupled_point(const struct times *times, const double *number, struc
             }
             TRIAL
             const double bonded = BONDED && pass > 0 ? points->sigma[l] : 0;
-            normal[l] = active[l] == 0 ? normal[l] : points->trial_normal[l] > 0 ? points->trial_normal[l] : bonded;
+            normal[l] = active[l] == 0 ? normal[l] : points->trial_normal[l] > 0 || IS_HELD ? points->trial_normal[l] : bonded;
             for (int i = 0; i < TANGENTS; i++) {
                 double sum = NORMAL ? MOBILITY(NORMAL + i, 0) * (FIXED(normal_stress_0) - normal[l]) : 0;
                 EACH_TANGENT sum += MOBILITY(NORMAL + i, NORMAL + k) * shear[k][l];

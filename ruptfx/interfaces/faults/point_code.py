@@ -37,6 +37,8 @@ from ruptfx.platform.codegen.tracing import (
 
 ITERATION = {"MAX_ITERATIONS": point_step.MAX_ITERATIONS, "BISECT_EVERY": point_step.BISECT_EVERY}
 LANES = 8  # points that the C code computes at a time
+PRESCRIBED = "FIXED(prescribed_rate + {})"
+UNLIMITED = 1e300  # Pa; strength of points with prescribed slip
 FAILURE = ("trial_normal_stress", "trial_shear_traction", "Z", "last_slip_rate")
 
 
@@ -72,6 +74,8 @@ class PointCode:
             "shear_traction_0": fault.shear_traction_0, "has_strength": fault.has_strength.astype(float), **columns,
             **{name: np.broadcast_to(v, n) for name, v in parameters.items() if isinstance(v, np.ndarray)},
         }  # fmt: skip
+        if fault.prescribed is not None:
+            columns |= {"held": fault.prescribed.held.astype(float), "prescribed_rate": np.zeros((n, fault.tangents))}
         self._places = _places({name: int(np.prod(values.shape[1:])) for name, values in columns.items()})
         self.fixed = native.aligned((-(-n // LANES), self._places["COUNT"], LANES))
         for name, values in columns.items():
@@ -135,6 +139,7 @@ class PointCode:
             "LANES": LANES, "COMPONENTS": face.frame.shape[2], "LOCAL": face.frame.shape[1], "TANGENTS": face.tangents,
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
             "BONDED": int(self._cohesion is not None), "DAMAGED": DAMAGED,
+            "IS_HELD": 0 if self._fault.prescribed is None else "(FIXED(held) > 0)",
             "TOLERANCE": point_step.TOLERANCE, **ITERATION,
         }  # fmt: skip
 
@@ -155,6 +160,11 @@ class PointCode:
         symbols |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
         return symbols | {name: f"BEGUN({name})" for name in law.start}
 
+    @property
+    def _is_held(self) -> Any:
+        """The condition that slip is prescribed at a point."""
+        return np.False_ if self._fault.prescribed is None else symbol("FIXED(held)") > 0
+
     def _each(self, place: str) -> list[Any]:
         """Return a vector in memory."""
         return [symbol(place.format(k)) for k in range(self._fault.tangents)]
@@ -173,7 +183,14 @@ class PointCode:
             slip_jump=jumps[-self._fault.tangents :], slip=each("OLD(slip + {})"), since=symbol("since"),
             dt=symbol("dt"), **known,
         ))  # fmt: skip
-        return trial
+        if self._fault.prescribed is None:
+            return trial
+        shear = zip(trial.shear_traction, trial.impedance, self._each(PRESCRIBED), strict=True)
+        return replace(trial, shear_traction=[t - z * v for t, z, v in shear])
+
+    def _sigma(self, trial: Trial) -> Any:
+        """Return the normal stress without cohesion [Pa], which is the trial one where slip is prescribed."""
+        return np.where(self._is_held, trial.normal_stress, point_step.normal_stress(trial.normal_stress))
 
     def _formulas(self, trial: Trial) -> dict[str, Table]:
         """Return the traced formulas of contact method and monitors by the name of their macro."""
@@ -185,7 +202,7 @@ class PointCode:
         return {
             "TRIAL": {
                 "points->trial_normal[l]": trial.normal_stress, "points->compliance[l]": trial.normal_compliance,
-                "points->sigma[l]": point_step.normal_stress(trial.normal_stress),
+                "points->sigma[l]": self._sigma(trial),
                 **{f"points->trial_shear[{k}][l]": trial.shear_traction[k] for k in tangents},
                 **{f"points->z[{k}][l]": trial.impedance[k] for k in tangents},
             },
@@ -236,7 +253,7 @@ class PointCode:
         damage, bond, opened = symbol("NEW(damage)"), constant(0), symbol("OLD(largest_opening)")
         before, z, compliance = each("OLD(mean_slip_rate + {})"), trial.impedance, trial.normal_compliance
         if cohesion is None:
-            sigma = point_step.normal_stress(trial.normal_stress)
+            sigma = self._sigma(trial)
         else:
             tension, bond = cohesion.strength_of(damage)
             sigma = point_step.normal_stress(trial.normal_stress, tension, opened / compliance)
@@ -281,7 +298,7 @@ class PointCode:
 
     def _is_closed(self) -> Any:
         """Return the condition that a point has contact or cohesion."""
-        is_closed: Any = _in_points("sigma") > 0
+        is_closed: Any = (_in_points("sigma") > 0) | self._is_held
         return is_closed if self._cohesion is None else (
             is_closed | (_in_points("tension") > 0) | (_in_points("bond") > 0)
         )
@@ -300,6 +317,9 @@ class PointCode:
         if self._cohesion is not None:
             bond = _in_points("bond")
             pressure, pressure_before = point_step.normal_stress(sigma), point_step.normal_stress(sigma_before)
+        held = self._fault.prescribed is not None
+        if held:
+            pressure, pressure_before = point_step.normal_stress(sigma), point_step.normal_stress(sigma_before)
 
         shifted = point_step.shifted_trial(shear, each("points->z[{}][l]"), before, symbol("carried"))
         stored, trial = _stored(shifted, changes=False)
@@ -310,6 +330,7 @@ class PointCode:
         }
         begun = dict(zip(law.start, substituted(law.start.values(), entries), strict=True))
         (at_rest,) = substituted([law.outputs["strength"]], entries | {symbol("slip_rate"): constant(0)})
+        at_rest = np.where(self._is_held, UNLIMITED, at_rest) if held else at_rest
         first = point_step.first_iterate(
             trial, _in_points("trial_normal"), sigma, symbol("at_rest[l]"),
             trial.rate_before if guess is None else guess, is_closed,
@@ -328,6 +349,14 @@ class PointCode:
             is_stuck=is_closed & np.equal(last.rate, 0.0), at_end=at_end,
         )  # fmt: skip
         mean, now = result.mean_slip_rate, result.slip_rate
+        if held:  # friction acts on what is beyond the prescribed slip rate, which is zero elsewhere
+            mean = [v + added for v, added in zip(mean, each(PRESCRIBED), strict=True)]
+            # At the traction: half-way to the next step, or ahead of the middle of the step that ends there.
+            ahead = symbol("extrapolation")
+            now = [
+                np.where(self._is_held, v + ahead * (v - then) if at_end else 0.5 * (then + v), rate)
+                for v, then, rate in zip(mean, before, now, strict=True)
+            ]
         if at_end:  # a step of zero length keeps the rates
             known = (mean, before), (now, each("OLD(slip_rate + {})"))
             mean, now = (
@@ -339,6 +368,7 @@ class PointCode:
         opening = point_step.opening_after(
             sigma, _in_points("trial_normal"), _in_points("compliance"), sigma_before, _in_points("opening"), at_end
         )
+        opening = np.where(self._is_held, 0.0, opening) if held else opening
         changes = {"points->change[0][l]": symbol("FIXED(normal_stress_0)") - sigma} if normal else {}
         return {
             "SHIFTED_TRIAL": {

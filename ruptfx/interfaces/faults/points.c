@@ -1,8 +1,8 @@
 // What a step does at the points of an interface, LANES of them at a time: point (trial, slip rate and traction) and write_back
 // (all fields). Explicit steps (fault_step.c) and implicit ones (implicit/response.c) go on from here. point_code.py writes in
 // front of this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END, TOLERANCE, MAX_ITERATIONS,
-// BISECT_EVERY, DAMAGED, LANES, where arrays are, BONDED and the formulas of cohesion, and the traced formulas of contact
-// method, law, monitors and step (point_step.py). This file has the loops over points and iterates.
+// BISECT_EVERY, DAMAGED, LANES, where arrays are, IS_HELD (whether slip is prescribed), BONDED and the formulas of cohesion, and
+// the traced formulas of contact method, law, monitors and step (point_step.py). This file has the loops over points and iterates.
 #include <string.h>
 
 // The C library has these for vectors, too, but its headers say so only where NaN may be ignored.
@@ -59,9 +59,9 @@ struct points {
         carried = times->carried, threshold = times->threshold, time = times->time; \
     (void)dt; (void)kick; (void)since; (void)extrapolation; (void)carried; (void)threshold; (void)time;
 #if BONDED
-#define TOGETHER(normal_stress) ((normal_stress) > 0 || points->tension[l] > 0 || points->bond[l] > 0)
+#define TOGETHER(normal_stress) ((normal_stress) > 0 || IS_HELD || points->tension[l] > 0 || points->bond[l] > 0)
 #else
-#define TOGETHER(normal_stress) ((normal_stress) > 0)
+#define TOGETHER(normal_stress) ((normal_stress) > 0 || IS_HELD)
 #endif
 
 #if BONDED
@@ -158,7 +158,7 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
     EACH_LANE {
         { WRITE_BACK }
         const double normal_stress = points->sigma[l], speed_then = points->speed_then[l];
-        const int closed = TOGETHER(normal_stress);
+        const int closed = TOGETHER(normal_stress), held = IS_HELD;
         double power = 0, square = 0, whole = 0;
         EACH_TANGENT {
             // Bodies start from rest, also where the interface creeps.
@@ -172,7 +172,7 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
         }
         const double speed = sqrt(square);
         const double normal_stress_then = OLD(normal_stress), has_strength = FIXED(has_strength);
-        (void)whole, (void)normal_stress_then, (void)has_strength;
+        (void)whole, (void)normal_stress_then, (void)has_strength, (void)held;
 #if BONDED && AT_END
         // Mean tractions work between those before and now; cohesion carries its share of both.
         double cohesion, before = 0, broken = 0;

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx.input.fields import DERIVED, FIELDS, Field
+from ruptfx.input.fields import DERIVED, FIELDS, PRESCRIBED, Field
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.fault_step import FaultStep
 from ruptfx.interfaces.mechanisms import Floats, Mechanism, Rows, Springs
@@ -65,6 +65,8 @@ class Faults(Mechanism):
             added = half * fault.interface.rate(state.velocity)
             elastic_energy = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
             stored, dissipated = stored + elastic_energy[0], dissipated + elastic_energy[1]
+            if fault.prescribed is not None:
+                energies[PRESCRIBED] += elastic_energy[2]
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
         energies["interface_elastic"] += stored
         energies["frictional_dissipation"] += dissipated
@@ -140,6 +142,7 @@ class Faults(Mechanism):
             name, fields = step.fault.name, state.faults[step.fault.name]
             dissipated = step(fields, state.displacement, state.velocity, state.force, state.time)
             state.add_energy(name, "frictional_dissipation", dissipated)
+            state.add_energy(name, PRESCRIBED, step.prescribed_work)
             state.energy["boundary_work"] += step.work
             state.add_energy(name, "impact_loss", step.impact_loss(fields, state.velocity, rate_old))
             state.energy["fracture"] += step.fractured(fields, state.velocity, rate_old)

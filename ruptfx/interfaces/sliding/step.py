@@ -116,7 +116,7 @@ class SlidingStep:
         face = fault.interface
         assert isinstance(face, SlidingInterface)
         self.fault, self.clock, self._face = fault, clock, face
-        self.work, self.unconverged = 0.0, 0
+        self.work, self.prescribed_work, self.unconverged = 0.0, 0.0, 0
         n, m = len(face.plus), len(face.geometry.minus.nodes)
         self._inverse_mass = inverse_mass[face.dofs].reshape(-1, 2)
         self._mobility, self._area, self._revision = np.ones(2 * n), np.zeros(n), -1

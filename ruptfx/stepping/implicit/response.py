@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx.input.fields import PRESCRIBED
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.point_code import FAILURE, PointCode
 from ruptfx.interfaces.faults.points import Clock, closed_and_stuck, frictional_power
@@ -116,6 +117,8 @@ class FaultResponse:
         self._times[:] = dt, dt, dt, e, self._law.carried(e), fault.threshold_at(time, self._threshold), time
         if fault.is_loaded:
             code.put("shear_traction_0", fault.driving_shear(time))
+        if fault.prescribed is not None:
+            code.put("prescribed_rate", fault.prescribed.mean_rate(time, fault.components(state, "slip"), dt))
         new = dict(zip(code.names, np.empty((len(code.names), n)), strict=True))
         change, tangent = np.empty((n, local)), np.empty((n, local, local))
         items = (
@@ -160,8 +163,9 @@ class FaultResponse:
         """
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
-        area = face.owned * face.weight
-        dissipated, fractured = float(area @ frictional_power(fault, old, new, dt)) * dt, 0.0
+        area, power = face.owned * face.weight, frictional_power(fault, old, new, dt)
+        prescribed, fractured = fault.prescribed_power(power) * dt, 0.0
+        dissipated = float(area @ power) * dt - prescribed
         # Mean pressure times growth of the gap.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
         rigid = fault.contact.stiffness()[0] == 0 and not fault.slides  # normal
@@ -178,6 +182,7 @@ class FaultResponse:
             rate_old, rate = (fault.components(fields, "mean_slip_rate") for fields in (old, new))
             worked = float(area @ np.asarray(fault.contact.dissipated(load_old, load, rate_old, rate)).sum(axis=1)) * dt
         state.add_energy(fault.name, "frictional_dissipation", dissipated)
+        state.add_energy(fault.name, PRESCRIBED, prescribed)
         state.add_energy(fault.name, "impact_loss", impact)
         state.energy["boundary_work"] += worked
         for name, values in new.items():

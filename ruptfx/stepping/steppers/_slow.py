@@ -72,7 +72,7 @@ class SlowMotion(AdaptiveMotion[Result]):
     def _radiated(self, fault: Fault, state: State, solution: Solution) -> float:
         old, new = (fault.components(fields[fault.name], "slip_rate") for fields in (state.faults, solution.faults))
         mean = fault.components(solution.faults[fault.name], "mean_slip_rate")
-        power = 0.5 * self.radiation[fault.name] * np.sum((old + new) * mean, axis=1)
+        power = 0.5 * self.radiation[fault.name] * np.sum((old + new) * mean, axis=1) * ~fault.is_held
         return float(np.sum(fault.interface.owned * fault.interface.weight * power)) * solution.dt
 
     def _lose_kinetic(self, state: State, velocity: np.ndarray) -> None:

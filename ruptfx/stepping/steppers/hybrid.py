@@ -198,7 +198,7 @@ class HybridMotion:
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             speed = np.linalg.norm(fault.components(fields, "slip_rate"), axis=1)
-            holds = fields["normal_stress"] > 0
+            holds = (fields["normal_stress"] > 0) | fault.is_held
             if fault.cohesion is not None:
                 holds = holds | (fields["damage"] < 1)
                 largest = max(largest, float(np.abs(opens[fault.name]).max(initial=0.0)))

@@ -110,6 +110,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         self._evolutions = {fault.name: evolution_of(model, fault) for fault in model.faults}
         self._states = max(evolution.columns for evolution in self._evolutions.values())
         self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
+        self._held = self._of_all(lambda fault: fault.is_held) > 0
         self.dt = min(stepper.first_step or self._first_step(), self.greatest)
 
     def _first_step(self) -> float:
@@ -172,7 +173,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
 
     def _refuse_to_open(self, state: State) -> None:
         for fault in self.model.faults:
-            opens = state.faults[fault.name]["normal_stress"] < OPENS * fault.normal_stress_0
+            opens = (state.faults[fault.name]["normal_stress"] < OPENS * fault.normal_stress_0) & ~fault.is_held
             if parallel.anywhere(self.model.comm, bool(opens.any())):
                 raise ConvergenceError(
                     f"faults.{fault.name} opens at time {state.time:.9g} s: less than {OPENS:.0%} of its initial "
@@ -192,10 +193,23 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
 
         y, wrong, answer = attempt(slope, self._start, dt)
         shear = y.shape[1] - self._states
+        if self._held.any():  # what the stages have missed of a history is an error of the step
+            slip = y[:, :shear].copy()
+            self._follow(time + dt, y)
+            wrong[:, :shear] = np.where(self._held[:, None], np.abs(y[:, :shear] - slip), wrong[:, :shear])
         wrong[:, :shear] /= self._D_c[:, None]
         wrong[:, shear:] = self._of_all(lambda fault: self._errors(fault, time + dt, y, wrong, *answer))
         error = float(parallel.agreed(self.model.comm, wrong.max(initial=0.0))) / self._stepper.tolerance
         return Attempt(dt, parallel.agreed(self.model.comm, y), *answer, error if np.isfinite(error) else np.inf)
+
+    def _follow(self, time: float, y: np.ndarray) -> None:
+        """Set the prescribed slip of a time in slip and state of all points; collective."""
+        if self._held.any():
+            nothing = np.zeros((1, y.shape[1] - self._states))
+            slip = self._of_all(lambda fault: nothing + (
+                np.zeros((len(fault.is_held), 1)) if fault.prescribed is None else fault.prescribed.slip(time)
+            ))  # fmt: skip
+            y[:, : slip.shape[1]] = np.where(self._held[:, None], slip, y[:, : slip.shape[1]])
 
     def _errors(
         self, fault: Fault, time: float, y: np.ndarray, wrong: np.ndarray, traction: np.ndarray, rate: np.ndarray
@@ -215,7 +229,8 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
 
         Shapes (points, tangents + states), (points, local) and (points, tangents); NaN without a rate, or on opening.
         """
-        shear = y.shape[1] - self._states
+        shear, y = y.shape[1] - self._states, y.copy() if self._held.any() else y
+        self._follow(time, y)
         traction = parallel.agreed(self.model.comm, self._bodies.traction(loaded, y[:, :shear]))
         result, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
@@ -246,7 +261,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
 
         speed = solved(trial, pressure, pressure, pressure > 0, resistance, guess).rate
         speed = np.where(pressure > 0, speed, np.nan)
-        wrong = np.flatnonzero(np.isnan(speed) & ~prescribed)
+        wrong = np.flatnonzero(np.isnan(speed) & ~prescribed & ~fault.is_held)
         if len(wrong):
             values = {
                 "shear traction": size, "normal stress": pressure, "strength at rest": resistance(0 * size)[0],
@@ -254,6 +269,9 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
             }  # fmt: skip
             self._unbalanced = self._error(fault, time, wrong[0], values)
         rate = speed[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
+        if fault.prescribed is not None:
+            rate = np.where(fault.is_held[:, None], fault.prescribed.rate(time), rate)
+            speed = np.linalg.norm(rate, axis=1)
         if prescribed.any():
             # Slip follows the bodies there, and friction gives the traction.
             rate = np.where(prescribed[:, None], growth[:, self._shear], rate)
@@ -306,7 +324,8 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         }) | evolution.state(variables)  # fmt: skip
         at = Moment(
             time=time, since=dt, speed=np.linalg.norm(rate, axis=1), speed_then=speed_of(fault, old),
-            normal_stress=pressure, normal_stress_then=old["normal_stress"], closed=pressure > 0,
+            normal_stress=pressure, normal_stress_then=old["normal_stress"], closed=(pressure > 0) | fault.is_held,
+            held=fault.is_held,
             has_strength=fault.has_strength, power=frictional_power(fault, old, new, dt), duration=dt,
             threshold=fault.threshold_at(time, self.model.case.output.rupture_threshold),
         )  # fmt: skip
