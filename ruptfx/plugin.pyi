@@ -32,6 +32,7 @@ from ruptfx.input.units import Speed as Speed
 from ruptfx.input.units import Stiffness as Stiffness
 from ruptfx.input.units import Stress as Stress
 from ruptfx.input.units import VaryingCoefficient as VaryingCoefficient
+from ruptfx.input.units import VaryingHeight as VaryingHeight
 from ruptfx.input.units import VaryingLength as VaryingLength
 from ruptfx.input.units import VaryingStress as VaryingStress
 from ruptfx.interfaces.attachments import Attached as Attached
@@ -39,11 +40,14 @@ from ruptfx.interfaces.attachments import EdgeAttachment as EdgeAttachment
 from ruptfx.interfaces.attachments import EdgeNodes as EdgeNodes
 from ruptfx.interfaces.cracks import FacetModulus as FacetModulus
 from ruptfx.interfaces.cracks import Fracture as Fracture
+from ruptfx.interfaces.faults.interface import Interface as Interface
 from ruptfx.interfaces.mechanisms import Reaction as Reaction
 from ruptfx.interfaces.mechanisms import Springs as Springs
 from ruptfx.interfaces.mechanisms import StepEnd as StepEnd
 from ruptfx.interfaces.mechanisms.stepped_nodes import Kick as Kick
 from ruptfx.interfaces.mechanisms.system import System as System
+from ruptfx.interfaces.slip_histories import History as History
+from ruptfx.interfaces.slip_histories import SlipHistory as SlipHistory
 from ruptfx.laws.cohesion import CohesiveLaw as CohesiveLaw
 from ruptfx.laws.contact import ContactMethod as ContactMethod
 from ruptfx.laws.contact import Point as Point

@@ -308,6 +308,19 @@ def test_nucleation(tmp_path: Path) -> None:
 
 
 @pytest.mark.fem
+def test_slip_history(tmp_path: Path) -> None:
+    """Half of the slip after half of the rise time, at twice the mean rate."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.run.model import Model
+
+    slip = {"kind": "half_cosine", "slip": 3e-6, "rise_time": 4e-6}
+    model = Model(in_a_case("half_cosine", plates({"faults.main.prescribed_slip": [slip]})))
+    prescribed = model.faults[0].prescribed
+    assert prescribed.slip(2e-6) == pytest.approx(1.5e-6) and prescribed.slip(9e-6) == pytest.approx(3e-6)
+    assert prescribed.rate(2e-6) == pytest.approx(1.5) and prescribed.held.all()
+
+
+@pytest.mark.fem
 @pytest.mark.parametrize("plane", ["stress", "strain", "antiplane"])
 def test_material(plane: Plane, tmp_path: Path) -> None:
     """Waves and forces are those of `isotropic_elastic` with E = G (3 lambda + 2 G) / (lambda + G) and

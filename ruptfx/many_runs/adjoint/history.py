@@ -39,6 +39,10 @@ class RecordedStep:
         """Work of the nucleation in the last step, points of this rank [J]."""
         return self._step.work
 
+    @property
+    def prescribed_work(self) -> float:
+        return self._step.prescribed_work
+
     def __call__(
         self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, time: float
     ) -> float:
