@@ -270,15 +270,14 @@ class PointCode:
 
         def moved(seeds: dict[Expression, Expression], outputs: Sequence[Any]) -> list[Any]:
             """Return the changes of outputs from those of jumps and damage, with that of V."""
-            by_stress, by_before, by_bond = directional(
-                [point_step.normal_stress(sigma), shifted.rate_before, bond], seeds, guarded=True
-            )
+            of_law = [point_step.normal_stress(sigma), shifted.rate_before, bond]
+            by_stress, by_before, by_bond = directional(of_law, seeds)
             of_strength: Any = (
                 by_bond + _in_points("stress_slope") * by_stress + _in_points("before_slope") * by_before
             )
-            (of_balance,) = directional([at.residual], {**seeds, strength: of_strength}, guarded=True)
+            (of_balance,) = directional([at.residual], {**seeds, strength: of_strength})
             of_v: Any = np.where(slides, -of_balance / by_v, 0.0)
-            return directional(outputs, {**seeds, v: of_v, strength: of_strength + slope * of_v}, guarded=True)
+            return directional(outputs, {**seeds, v: of_v, strength: of_strength + slope * of_v})
 
         columns = [moved({jump: constant(1)}, tractions) for jump in self._jumps()]
         if cohesion is not None:
