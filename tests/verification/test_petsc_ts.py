@@ -17,6 +17,7 @@ from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import ConvergenceError
 
 pytestmark = pytest.mark.fem
 
@@ -107,3 +108,35 @@ def test_what_ts_cannot_do_is_refused(changes: dict[str, Any], message: str) -> 
 def test_contact_that_ts_has_no_use_for_is_refused(contact: str) -> None:
     with pytest.raises(CaseError, match=facts(f"faults.main.contact.kind = '{contact}': .*; use .*'compliant'")):
         case({"stepper": {"kind": "petsc_ts"}, "faults.main.contact": {"kind": contact}})
+
+
+SLIDING = {"order": 2, "duration": 10e-6, "mesh.length": 16e-3, "mesh.height": 6e-3}
+LINE_SEARCH = {"snes_linesearch_type": "bt"}  # finds no step where the residual grows first, as at the onset of sliding
+
+
+def sliding(options: dict[str, Any]) -> Any:
+    return parse_case(impact(6e6, 2.0, changes={**SLIDING, "stepper": {"kind": "petsc_ts", "petsc_options": options}}))
+
+
+def test_steps_have_the_length_that_was_asked_for() -> None:
+    """The first solve converges: as many steps as the duration has, and none is rejected."""
+    times = []
+    _, motion, _ = march(sliding({}), watch=lambda state: times.append(state.time))
+    np.testing.assert_allclose(np.diff([0.0, *times]), motion.dt, rtol=1e-9)
+    assert len(times) == int(np.ceil(10e-6 / motion.dt)) and motion._ts.getSNESFailures() == 0
+
+
+def test_a_rejected_step_is_an_error_or_said(caplog: pytest.LogCaptureFixture) -> None:
+    """Without an adaptor the run ends; with one the step is shorter, and the log has the rejected attempts."""
+    given = sliding(LINE_SEARCH)
+    motion, state = given.stepper.bind(Model(given)), Model(given).initial_state()
+    with pytest.raises(ConvergenceError, match=facts(r"TS (alpha2) .* 3.16e-06 s .* 0 s: .*stepper.time_step")):
+        motion.step(state)
+    assert state.time == 0 and not state.displacement.any()
+    given = sliding(LINE_SEARCH | {"ts_adapt_type": "basic"})
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    motion.step(state)
+    assert 0 < state.time < 0.5 * motion.dt
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert f"{motion.dt:.4g} s" in caplog.text and f"{state.time:.4g} s" in caplog.text

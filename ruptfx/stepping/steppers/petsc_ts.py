@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from ruptfx.bodies.spectrum import stable_time_step
+from ruptfx.input.quantities import at_most
 from ruptfx.input.schema import CaseError
 from ruptfx.input.units import Duration, Positive
 from ruptfx.interfaces.faults.projection import ProjectionError
@@ -26,6 +28,10 @@ if TYPE_CHECKING:
     from ruptfx.stepping.implicit.solution import Solution
 
 
+LOG = logging.getLogger("ruptfx.run")
+SAME = 1e-9  # of a step: rounding of times
+
+
 class PetscTs(Stepper):
     """Schemes of PETSc's TS: TSALPHA2 (implicit), TSBASICSYMPLECTIC or TSRK (explicit).
 
@@ -33,7 +39,8 @@ class PetscTs(Stepper):
     the step as if it ended at the stage, and are committed when a step is accepted; a rejected step changes
     nothing. Friction is of second order in time for every scheme. `petsc_options` apply to TS, its SNES and KSP:
     ``{ ts_rk_type = "5dp", ts_adapt_type = "basic" }``, ``ts_alpha_radius``, ``ts_monitor``; steps vary only with an
-    adaptor. TS makes one step at a time and monitors run after each, so that recorder, checkpoints and
+    adaptor, and every attempt that TS rejects is in the log; without one a step of another length is an error.
+    TS makes one step at a time and monitors run after each, so that recorder, checkpoints and
     signals work as for all steppers. Explicit native steps (`leapfrog`) are many times faster. After a restart
     `alpha2` computes its acceleration again, so that results agree to the order of the scheme, not bitwise.
     """
@@ -85,7 +92,13 @@ class PetscTsMotion:
         self._error: ProjectionError | None = None
         self._scale = 0.0  # of the last forces [N]
         self._ready = False
-        defaults: PetscOptions = {"ts_adapt_type": "none", "ts_basicsymplectic_type": "2", "mat_mumps_icntl_14": 50}
+        # The residual grows in the first Newton step where sliding begins, and a line search would not allow that.
+        defaults: PetscOptions = {
+            "ts_adapt_type": "none", "ts_basicsymplectic_type": "2", "mat_mumps_icntl_14": 50,
+            "snes_linesearch_type": "basic",
+        }  # fmt: skip
+        self._adapts = stepper.petsc_options.get("ts_adapt_type", "none") != "none"
+        self._rejected = 0  # steps so far
         self._options = CaseOptions(stepper.petsc_options, defaults)
         PETSc: Any = fem.PETSc
         self._ts = PETSc.TS().create(model.comm)
@@ -108,7 +121,8 @@ class PetscTsMotion:
         self._ts.setI2Function(fem.callback(self._residual), matrix.createVecLeft())
         self._ts.setI2Jacobian(fem.callback(self._jacobian), matrix, matrix)
         self._ts.setSolution2(self._u, self._v)
-        self._ts.setMaxSNESFailures(-1)
+        # Without an adaptor TS would go on with a quarter of the step for ever.
+        self._ts.setMaxSNESFailures(-1 if self._adapts else 1)
         snes = self._ts.getSNES()
         snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=1e-14, max_it=30)
         snes.setConvergenceTest(fem.callback(self._converged))
@@ -226,7 +240,8 @@ class PetscTsMotion:
         carried = equilibrium.forces.carried(state)
         self._put(state)
         ts.setTime(state.time)
-        ts.setTimeStep(state.numbers.get("dt", self.dt))
+        planned = state.numbers.get("dt", self.dt)
+        ts.setTimeStep(planned)
         self._error = None
         with nullcontext() if self._ready else self._options:
             if not self._ready:
@@ -241,13 +256,21 @@ class PetscTsMotion:
             )
         self._ready = True
         dt = ts.getTime() - state.time
+        self._report_rejected(state.time, planned, dt)
         solution = (
             self._answer(ts.getTime(), self._taken(state, dt)) if dt > 0 and ts.getConvergedReason() >= 0 else None
         )
         if solution is None or not np.isfinite(solution.scale):
             raise ConvergenceError(
-                f"TS ({ts.getType()}) found no step from time {state.time:.6g} s: reason {ts.getConvergedReason()}"
-                + (f"; {self._error}" if self._error else "; reduce stepper.time_step")
+                f"TS ({ts.getType()}) found no step of {planned:.4g} s from time {state.time:.6g} s: reason "
+                f"{ts.getConvergedReason()}" + (f"; {self._error}" if self._error else "; reduce stepper.time_step")
+            )
+        if not self._adapts and abs(dt - planned) > SAME * planned:
+            raise ConvergenceError(
+                f"TS ({ts.getType()}) made a step of {dt:.4g} s from time {state.time:.6g} s, and {planned:.4g} s "
+                "was asked "
+                f"for: use stepper.time_step = {at_most(dt)}, or allow steps to vary, petsc_options.ts_adapt_type "
+                "= 'basic'"
             )
         if self._scheme == "alpha2":  # SNES may end at a short step, and options may let it end without a test
             left = float(ts.getSNES().getFunctionNorm())
@@ -263,6 +286,16 @@ class PetscTsMotion:
         solution.commit(state)
         state.numbers["dt"] = ts.getTimeStep()
         ts.monitor(state.step, state.time, self._both if self._scheme != "alpha2" else self._u)
+
+    def _report_rejected(self, time: float, planned: float, dt: float) -> None:
+        """Log the attempts at a step that TS rejected."""
+        rejected = self._ts.getStepRejections() + self._ts.getSNESFailures()
+        if rejected > self._rejected and dt > 0 and self.model.comm.rank == 0:
+            LOG.warning(
+                "TS rejected %d attempts at a step of %.4g s from %.9g s, and made one of %.4g s (%d rejected so far)",
+                rejected - self._rejected, planned, time, dt, rejected,
+            )  # fmt: skip
+        self._rejected = rejected
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies at the end of the last step [J]."""
