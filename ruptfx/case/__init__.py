@@ -326,6 +326,8 @@ class Case(CaseFile):
                 choices[f"faults.{name}.gap"] = type(fault)
             if fault.prescribed_slip:
                 choices[f"faults.{name}.prescribed_slip"] = type(fault)
+        if self.mesh.along_strike is not None:
+            choices["mesh.along_strike"] = type(self.mesh.along_strike)
         choices |= {key: type(boundary) for key, boundary in self.all_boundaries()}
         choices |= {f"attachments.{number}": type(each) for number, each in enumerate(self.attachments)}
         for key, damping in self.all_dampings():
@@ -394,6 +396,8 @@ class Case(CaseFile):
             "interface": output.interface_interval or self.duration / RECORDS.get(self.plane, 300),
             "bulk": output.bulk_interval or self.duration / 6,
         }
+        if self.mesh.along_strike is not None:  # bodies are known at the interfaces only
+            del entries["bulk"]
         return entries if output.forces_interval is None else {**entries, "forces": output.forces_interval}
 
     @property

@@ -41,7 +41,7 @@ def _checks(case: Case) -> Iterator[Messages]:
     yield _stages(case)
     yield _named(case.instruments, "instruments", "instrument", case.plane, components)
     yield _named(case.cameras, "cameras", "camera", case.plane)
-    for check in (_intervals, _forces, _rotations, _fracture, _axisymmetric, _tensors, _body_stress):
+    for check in (_along_strike, _intervals, _forces, _rotations, _fracture, _axisymmetric, _tensors, _body_stress):
         yield check(case)
 
 
@@ -88,6 +88,23 @@ def _stages(case: Case) -> Messages:
                 f"stages.{number}.boundaries: what ties edges (periodic) holds from the beginning to the end; give "
                 "the same in [[boundaries]] and in every stage"
             )
+
+
+def _along_strike(case: Case) -> Messages:
+    along = case.mesh.along_strike
+    if along is None:
+        return
+    key = f"mesh.along_strike: points = {along.points} along {along.period:g} m"
+    if case.plane != "solid":
+        yield f"{key}: slip varies in two directions and bodies move in three, plane = '{case.plane}'; use 'solid'"
+    for table in ("instruments", "cameras", "objective"):
+        if getattr(case, table):
+            yield f"{key}: bodies are known at their interfaces only; remove {table}, or use mesh.kind = 'extruded'"
+    if case.output.bulk_interval is not None:
+        yield (
+            f"output.bulk_interval = {case.output.bulk_interval:g} s: the motion of bodies that repeat along strike is "
+            "known at their interfaces only; remove it"
+        )
 
 
 def _intervals(case: Case) -> Messages:

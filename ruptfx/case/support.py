@@ -426,6 +426,9 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
     Row("attachments", "its forces change with the motion of the bodies, and those of {stepper} have a constant "
         "stiffness (springs that do not fail are the boundary 'spring')", swap=BY_STEPPER, drop=("attachments",)),
     _attachments,
+    Row("along strike", NOT_FOR, swap=BY_STEPPER, drop=("along strike",)),
+    *(Row("along strike", "the bodies of a section that repeats along strike are known at its interfaces only",
+          beside=feature, drop=(feature, "along strike")) for feature in ("stages", "attachments", "sliding")),
     Row("stages", "its steps take no stages", shown="stepper", swap=BY_STEPPER, drop=("stages",)),
     Row("fracture", "bodies do not break in its steps", shown="stepper", swap=BY_STEPPER),
     _implicit_facets,

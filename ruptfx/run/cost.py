@@ -192,7 +192,10 @@ def measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:
 
 def counts(case: Case, steps: int | None) -> tuple[int, int]:
     """Return the numbers of records of the interfaces and of snapshots of the bodies, at most one per step."""
-    records, snapshots = (count(case.intervals[what], case.duration) for what in ("interface", "bulk"))
+    intervals = case.intervals
+    records, snapshots = (
+        count(intervals[what], case.duration) if what in intervals else 0 for what in ("interface", "bulk")
+    )
     if steps is None:
         return 1 + records, snapshots
     every = case.output.interface_steps

@@ -16,7 +16,7 @@ from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.interface import Interface, build_interface
 from ruptfx.interfaces.faults.nearest import nearest_on_line, nearest_on_surface
-from ruptfx.interfaces.faults.prescribed_slip import PrescribedSlip
+from ruptfx.interfaces.faults.prescribed_slip import History, PrescribedSlip
 from ruptfx.interfaces.sliding.interface import build_sliding
 from ruptfx.laws.nucleation import first_begun
 from ruptfx.platform import parallel
@@ -41,6 +41,8 @@ def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[
         face = build_interface(model.layout, name)
     else:
         face = build_sliding(model.layout, name, fault.sliding)
+    if model.section is not None:
+        face = model.section.surface(face, name)
     if case.plane == "axisymmetric":
         radius = face.points[:, 1]
         reaches = axisymmetry.on_axis(face.points).any()
@@ -91,6 +93,16 @@ def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[
     return made, fault
 
 
+def _beyond_the_ends(case: Case, face: Interface) -> list[History]:
+    """Return the slip beyond the ends of a fault in a section that repeats along strike; none without such points."""
+    along = case.mesh.along_strike
+    if along is None or not along.beyond.any():
+        return []
+    beyond = np.abs(face.points[:, 2]) > along.half_length
+    rate = np.where(beyond, along.creep, 0.0)[:, None] * np.array([1.0, 0.0])
+    return [History(beyond, lambda time: rate * time, lambda time: rate, np.abs(rate[:, 0]))]
+
+
 def _prescribed(case: Case, face: Interface, fault: FaultCase, width: float) -> PrescribedSlip | None:
     """Return the slip that is prescribed at the points of this rank.
 
@@ -99,9 +111,9 @@ def _prescribed(case: Case, face: Interface, fault: FaultCase, width: float) -> 
     CaseError
         On the rank that meets the error: slip at time zero, and a slip rate that jumps where bodies have inertia.
     """
-    if not fault.prescribed_slip:
+    histories = _beyond_the_ends(case, face)
+    if not (fault.prescribed_slip or histories):
         return None
-    histories = []
     for number, each in enumerate(fault.prescribed_slip):
         try:
             histories.append(each.bind(face, width))

@@ -17,6 +17,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.bodies import operators
 from ruptfx.bodies.boundaries.loading import Loads
+from ruptfx.bodies.meshes._strip import Strip
 from ruptfx.bodies.operators.geometry import is_tensor
 from ruptfx.bodies.operators.memory_sweep import MemorySweep
 from ruptfx.bodies.space import mirror
@@ -31,6 +32,7 @@ from ruptfx.interfaces.cracks.step import CrackStep
 from ruptfx.interfaces.faults.fault import Fault, in_steps
 from ruptfx.interfaces.mechanisms import mechanisms_of
 from ruptfx.interfaces.mechanisms.system import System, Viscosity
+from ruptfx.interfaces.section import Section
 from ruptfx.laws.contact import Way
 from ruptfx.laws.materials import WaveSpeeds
 from ruptfx.laws.materials.traced import TracedMaterial, traced
@@ -61,7 +63,15 @@ class Model(System):
         self.case = case
         sliding = [name for name, fault in case.faults.items() if fault.sliding is not None]
         world, broken = comm or fem.MPI.COMM_WORLD, case.fracture is not None
-        bodies = distribute(world, case.mesh, self._tied_edges(), sliding, broken)
+        materials, order, boundaries = case.stressed_materials, case.order, case.boundaries
+        if case.mesh.along_strike is None:
+            self.section = None
+            bodies = distribute(world, case.mesh, self._tied_edges(), sliding, broken)
+        else:
+            self.section = Section(case.mesh, materials, order, boundaries)
+            bodies = distribute(world, Strip(case.mesh, order))
+            materials = {name: each for name, each in materials.items() if name in ("default", *bodies.names)}
+            order, boundaries = 1, []
         if broken and bodies.mesh.basix_cell().name != "triangle":
             found = bodies.mesh.basix_cell().name
             raise CaseError(f"fracture: bodies break along triangles, this mesh has {found}s; give one of triangles")
@@ -69,7 +79,7 @@ class Model(System):
             raise CaseError(
                 "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"
             )
-        super().__init__(world, bodies, case.stressed_materials, case.plane, case.order, broken)
+        super().__init__(world, bodies, materials, case.plane, order, broken)
         mirror.refuse_other_images(self)
         self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
             self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations,
@@ -98,7 +108,7 @@ class Model(System):
             found = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
             raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
         self.oblique = self._oblique_nodes()
-        self.loads = Loads(self, case.boundaries)
+        self.loads = Loads(self, boundaries)
         self.attachments = [each.bind(self, f"attachments.{number}") for number, each in enumerate(case.attachments)]
         self.memory = self._memory()
         self.viscosity: Viscosity | None = None

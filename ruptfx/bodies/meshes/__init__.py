@@ -7,12 +7,15 @@ A mesh source fills a `RawMesh` on rank 0, which `ruptfx.bodies.space.bodies` sp
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 import numpy as np
 
+from pydantic import Field, model_validator
+
 from ruptfx.input.profiles import evaluate
-from ruptfx.input.schema import Alternative, alternative
+from ruptfx.input.schema import Alternative, Part, alternative
+from ruptfx.input.units import Length, Velocity
 
 if TYPE_CHECKING:
     from ruptfx.bodies.meshes._bricks import Bricks
@@ -92,6 +95,8 @@ class RawMesh:
         Named inner facets, which may have their own laws, in bodies with `[fracture]`.
     order : int
         Order of the polynomials that map the reference cell: above 1, cells are curved.
+    strike : int or None
+        Axis of the first tangent of all interfaces where it does not follow from their normals.
     """
 
     cell: str
@@ -109,6 +114,56 @@ class RawMesh:
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joints: dict[str, np.ndarray] = field(default_factory=dict)
     order: int = 1
+    strike: int | None = None
+
+
+class AlongStrike(Part):
+    """A section that repeats along z with a period; slip and friction vary along z, bodies do not.
+
+    The interfaces are surfaces whose points are equidistant along z, around z = 0. Beyond the fault, which reaches
+    from z = -length / 2 to length / 2, they are locked, or creep.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"along strike"})
+
+    length: Length
+    """Length of the fault along z, in which its friction acts."""
+    period: Length
+    """Period along z, at least the length: images of the fault are this far apart."""
+    points: Annotated[int, Field(ge=4)]
+    """Number of points along z in a period."""
+    creep: Velocity = 0.0
+    """Slip rate along z beyond the ends of the fault; without it they are locked."""
+
+    @model_validator(mode="after")
+    def _reaches_over_the_fault(self) -> AlongStrike:
+        if self.period < self.length:
+            raise ValueError(f"period = {self.period:g}: must be at least length = {self.length:g}")
+        if self.creep and not self.beyond.any():
+            raise ValueError(
+                f"creep = {self.creep:g}: no point is beyond the fault; increase period, or leave creep out"
+            )
+        return self
+
+    @property
+    def spacing(self) -> float:
+        """Distance of neighbouring points [m]."""
+        return self.period / self.points
+
+    @property
+    def positions(self) -> np.ndarray:
+        """z of the points [m], shape (points,)."""
+        return np.asarray((np.arange(self.points) - 0.5 * (self.points - 1)) * self.spacing)
+
+    @property
+    def beyond(self) -> np.ndarray:
+        """True for points beyond the fault, shape (points,)."""
+        return np.asarray(np.abs(self.positions) > self.half_length)
+
+    @property
+    def half_length(self) -> float:
+        """Half of the length, beyond rounding of coordinates [m]."""
+        return 0.5 * self.length * (1 + 1e-9)
 
 
 class MeshSource(Alternative):
@@ -116,6 +171,10 @@ class MeshSource(Alternative):
 
     example: ClassVar[str] = ""
     """Example table of a few elements, which the contract tests build; its files are in `tests/data`."""
+
+    along_strike: AlongStrike | None = None
+    """Of a 2D mesh: it is a section that repeats along z, and interfaces are surfaces. Needs `plane = "solid"` and
+    `stepper.kind = "quasi_dynamic"`."""
 
     def build(self) -> RawMesh:
         """Return the mesh; called on rank 0 only.

@@ -11,6 +11,7 @@ import numpy as np
 
 from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import FACETS, Base, MeshSource, RawMesh
+from ruptfx.bodies.meshes._strip import Strip
 from ruptfx.bodies.space.branches import weld_branch_ends
 from ruptfx.bodies.space.closest import closest
 from ruptfx.bodies.space.connections import check_connections
@@ -74,6 +75,8 @@ class Bodies:
         As in `RawMesh`.
     mirror_planes : dict of str to str
         As in `RawMesh`.
+    strike : int or None
+        As in `RawMesh`.
     """
 
     mesh: fem.dolfinx.mesh.Mesh
@@ -90,6 +93,7 @@ class Bodies:
     joints: dict[str, np.ndarray] = field(default_factory=dict)
     reference_normals: dict[str, np.ndarray] = field(default_factory=dict)
     mirror_planes: dict[str, str] = field(default_factory=dict)
+    strike: int | None = None
 
     @property
     def edges(self) -> list[str]:
@@ -112,7 +116,7 @@ class Bodies:
 
 
 def distribute(
-    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]] | None = None,
+    comm: fem.MPI.Comm, source: MeshSource | Strip, tied: Mapping[str, tuple[str, str]] | None = None,
     sliding: Collection[str] = (), neighbours: bool = False,
 ) -> Bodies:  # fmt: skip
     """Return the mesh, split over the ranks.
@@ -122,7 +126,7 @@ def distribute(
     Parameters
     ----------
     comm : MPI communicator
-    source : MeshSource
+    source : MeshSource or Strip
     tied : dict of str to (str, str), optional
         Edges whose nodes move alike, by key of the case.
     sliding : collection of str
@@ -170,7 +174,7 @@ def _from_parts(comm: fem.MPI.Comm, lattice: AnyLattice, ties: list[Tie]) -> Bod
 
 
 def _from_root(
-    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]], sliding: Collection[str],
+    comm: fem.MPI.Comm, source: MeshSource | Strip, tied: Mapping[str, tuple[str, str]], sliding: Collection[str],
     neighbours: bool,
 ) -> Bodies:  # fmt: skip
     """Build the mesh on rank 0 and split it so that pairs of interface points stay together.
@@ -208,7 +212,7 @@ def _from_root(
             raw.cell, raw.points.shape[1], raw.cells.shape[1], raw.order, raw.bodies, raw.cell_body, faces,
             raw.one_sided, named, ties, surfaces, raw.bases, np.sort(raw.open_facets, axis=1),
             {name: np.sort(facets, axis=1) for name, facets in raw.joints.items()},
-            raw.reference_normals, raw.mirror_planes,
+            raw.reference_normals, raw.mirror_planes, raw.strike,
         )  # fmt: skip
     described = comm.bcast(described, root=0)
     cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, bases, *inner = described

@@ -79,7 +79,7 @@ class Discretisation:
                 f"plane = '{plane}': the mesh has {dim} dimensions; use plane = 'solid' with three, another one with "
                 "two"
             )
-        self.components = {"antiplane": 1, "solid": 3}.get(plane, 2)
+        self.components = self._count_components()
         if plane == "axisymmetric":
             parallel.raise_on_all(comm, axisymmetry.put_on_axis(self.mesh))
         self.space = (
@@ -97,6 +97,9 @@ class Discretisation:
         self._require_positive_energies()
         self.mass = self._mass(range(len(bodies.names)))
         self.oblique = np.zeros(self.nodes, dtype=bool)
+
+    def _count_components(self) -> int:
+        return {"antiplane": 1, "solid": 3}.get(self.plane, 2)
 
     def _require_positive_energies(self) -> None:
         """Refuse materials of which some strain would release energy, where parameters vary also at their extremes.

@@ -307,7 +307,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = _rounded(places["plus"], extent)
     reference = bodies.reference_normals.get(name)
-    position, across, number, total, line, mean = _order(comm, points, owned, normal, reference)
+    position, across, number, total, line, mean = _order(comm, points, owned, normal, reference, bodies.strike)
     if ends:  # the interface extends beyond its last points by half of their tributary length
         first, last = (
             parallel.largest(comm, np.where(number == place, 0.5 * ends["plus"].weight, 0.0).max(initial=0.0))
@@ -335,7 +335,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     parallel.raise_on_all(comm, error)
     gone = np.sort(parallel.share_rows(comm, number[owned & values]))
     number, total = number - np.searchsorted(gone, number), total - len(gone)
-    frame = local_frame(normal, mean) if components > 1 else np.ones((len(plus), 1, 1))
+    frame = local_frame(normal, mean, bodies.strike) if components > 1 else np.ones((len(plus), 1, 1))
     # Points in order along the interface, for locality and readable files.
     order = np.flatnonzero(~values)[np.argsort(number[~values])]
     return Interface(
@@ -465,12 +465,14 @@ def _areas(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray) -> np.ndarra
         weight = nodal(test * ds)[:, 0]
         normal = np.stack([nodal(n[i] * test * ds)[:, 0] for i in range(dim)], axis=1)
     else:
-        weight = nodal(ufl.inner(ufl.as_vector([1.0] * dim), test) * ds)[:, 0]
-        normal = nodal(ufl.inner(n, test) * ds)
+        # A section that repeats along strike has a third component of displacement and two of the normal.
+        more = [0.0] * (components - dim)
+        weight = nodal(ufl.inner(ufl.as_vector([1.0] * dim + more), test) * ds)[:, 0]
+        normal = nodal(ufl.inner(ufl.as_vector([*n, *more]) if more else n, test) * ds)[:, :dim]
     return np.column_stack([weight, normal])
 
 
-def local_frame(normal: np.ndarray, mean: np.ndarray | None = None) -> np.ndarray:
+def local_frame(normal: np.ndarray, mean: np.ndarray | None = None, strike: int | None = None) -> np.ndarray:
     """Return rows normal and tangents of every point, shape (n, dim, dim).
 
     On a surface the first tangent of the mean normal is horizontal and the second points down dip, as on an extruded
@@ -482,7 +484,12 @@ def local_frame(normal: np.ndarray, mean: np.ndarray | None = None) -> np.ndarra
     normal : ndarray, shape (n, dim)
     mean : ndarray, shape (dim,), optional
         Mean normal of the surface, the first normal without it.
+    strike : int, optional
+        Axis that is the first tangent everywhere.
     """
+    if strike is not None:
+        first = np.tile(np.eye(3)[strike], (len(normal), 1))
+        return np.stack([normal, first, np.cross(normal, first)], axis=1)
     if normal.shape[1] == 2:
         return np.stack([normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)], axis=1)
     mean = normal[0] if mean is None else mean
@@ -496,7 +503,8 @@ def local_frame(normal: np.ndarray, mean: np.ndarray | None = None) -> np.ndarra
 
 
 def _order(
-    comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray, reference: np.ndarray | None
+    comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray, reference: np.ndarray | None,
+    strike: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, int, Line, np.ndarray]:
     """Return positions and global index of points, number of all points, definition of positions, mean normal.
 
@@ -509,6 +517,8 @@ def _order(
     owned : ndarray of bool, shape (n,)
     reference : ndarray, shape (dim,), optional
         Normal of the plane in which the positions of a rough surface are; without it the mean normal is.
+    strike : int, optional
+        Axis along which positions are; they are its coordinates.
     """
     everything = parallel.share_rows(comm, np.hstack([points, normal])[owned])
     places, normals = np.split(everything, 2, axis=1)
@@ -517,12 +527,13 @@ def _order(
     mean = mean / size if size > CLOSED else np.eye(len(mean))[-1]
     if reference is not None:
         mean = reference / np.linalg.norm(reference) * np.sign(reference @ mean)
-    along, extent = local_frame(mean[None])[0, 1], np.ptp(places, axis=0).max()
+    frame, extent = local_frame(mean[None], strike=strike)[0], np.ptp(places, axis=0).max()
+    along = frame[1]
     # Order along the mean tangent, then by the other coordinates: independent of the number of ranks.
     keys = np.round(np.stack([places @ along, *places.T[::-1]]) / extent, 9)
     places = places[np.lexsort(keys[::-1])]
     x_axis = np.eye(len(along))[0]
-    origin = places[0]
+    origin = places[0] if strike is None else places[0] * (1 - along)
     measure: Measure
     flat = reference is not None or np.ptp(places @ mean) < FLAT * extent
     if flat and np.abs(along - x_axis).max() < FLAT:
@@ -535,7 +546,7 @@ def _order(
     line = Line(measure, origin, float(position[0]), float(position[-1]))
     across = None
     if len(along) == 3:
-        down = places @ local_frame(mean[None])[0, 2]
+        down = places @ frame[2]
         across = _rounded(down - down.min(), extent)
     if len(points) == 0:
         none = np.zeros(0)

@@ -19,6 +19,7 @@ from ruptfx.bodies.space.discretisation import Discretisation
 if TYPE_CHECKING:
     from ruptfx.bodies.boundaries import Boundary
     from ruptfx.bodies.boundaries.loading import Loads
+    from ruptfx.bodies.meshes import MeshSource
     from ruptfx.bodies.operators.memory_sweep import MemorySweep
     from ruptfx.bodies.state import State
     from ruptfx.input.schema import Part
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.cracks.step import CrackStep
     from ruptfx.interfaces.faults.fault import Fault
     from ruptfx.interfaces.mechanisms import Mechanism
+    from ruptfx.interfaces.section import Section
     from ruptfx.laws.contact import Way
-    from ruptfx.laws.materials import Plane, WaveSpeeds
+    from ruptfx.laws.materials import Material, Plane, WaveSpeeds
     from ruptfx.laws.materials.traced import TracedMaterial
     from ruptfx.platform import fem
 
@@ -108,8 +110,16 @@ class CaseTables(Protocol):
         """Initial velocity of bodies [m/s]."""
 
     @property
-    def mesh(self) -> Part:
+    def order(self) -> int:
+        """Order of the elements."""
+
+    @property
+    def mesh(self) -> MeshSource:
         """Table of the mesh."""
+
+    @property
+    def stressed_materials(self) -> Mapping[str, Material]:
+        """Materials by name of the body."""
 
     @property
     def instruments(self) -> Sequence[Part]:
@@ -193,6 +203,8 @@ class System(Discretisation):
         Sweeps over the elements of materials with memory that this rank has, by name of the body.
     viscosity : Viscosity or None
     attachments, mechanisms : list of Mechanism
+    section : Section or None
+        Bodies that repeat along strike; the mesh of this system is then a layer beside the interfaces.
     """
 
     case: CaseTables
@@ -208,6 +220,7 @@ class System(Discretisation):
     viscosity: Viscosity | None
     attachments: Sequence[Mechanism]
     mechanisms: list[Mechanism]
+    section: Section | None
 
     @property
     @abstractmethod

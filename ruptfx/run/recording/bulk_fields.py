@@ -94,7 +94,7 @@ class BulkFields:
         model = self.model
         count = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
         dofs = model.space.dofmap.list[:count]
-        name, p = model.mesh.basix_cell().name, model.case.order
+        name, p = model.mesh.basix_cell().name, model.order
         if name in ("triangle", "tetrahedron"):
             return dofs
         dim = model.mesh.topology.dim

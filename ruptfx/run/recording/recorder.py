@@ -287,7 +287,7 @@ class Recorder:
             means = self._read("forces", state)
             if self.model.comm.rank == 0:
                 self._write(lambda: self._append(means))
-        if self._reached("bulk", state):
+        if "bulk" in self._schedules and self._reached("bulk", state):
             self._passed("bulk", state)
             with phase("gathering"):
                 snapshot = self._bulk.gather(state)

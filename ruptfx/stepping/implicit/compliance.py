@@ -148,8 +148,8 @@ class Factors:
         free.reshape(model.nodes, -1)[model.layout.copies] = False
         self._free = free[: self._owned]
         self._ghosted = fem.dolfinx.fem.Function(model.space)
-        self._whole = _Decomposed(tangent.matrix)
-        self._strip: tuple[_Decomposed, np.ndarray] | None = None
+        self._whole = Decomposed(tangent.matrix)
+        self._strip: tuple[Decomposed, np.ndarray] | None = None
 
     def solve(self, force: np.ndarray) -> np.ndarray:
         """Return A^-1 force at every local degree of freedom [m], zero for prescribed motion; collective.
@@ -194,7 +194,7 @@ class Factors:
             made: Any = fem.PETSc.IS()
             rows = (matrix.getOwnershipRange()[0] + dofs).astype(fem.PETSc.IntType)
             chosen = made.createGeneral(rows, comm=model.comm)
-            self._strip = _Decomposed(matrix.createSubMatrix(chosen, chosen)), dofs
+            self._strip = Decomposed(matrix.createSubMatrix(chosen, chosen)), dofs
 
     def solve_each(self, forces: Iterable[np.ndarray], count: int) -> Iterator[np.ndarray]:
         """Yield A^-1 of several forces at a time, which is faster; collective, all ranks must exhaust it."""
@@ -279,7 +279,7 @@ class Factors:
             self._strip[0].destroy()
 
 
-class _Decomposed:
+class Decomposed:
     """A factorised symmetric matrix: by MUMPS, or on one rank by PETSc's own LU if MUMPS is missing."""
 
     def __init__(self, given: fem.PETSc.Mat) -> None:
@@ -301,6 +301,17 @@ class _Decomposed:
         self._right.array[:] = right
         self.matrix.solve(self._right, self._left)
         return np.asarray(self._left.array_r)
+
+    def solve_all(self, right: np.ndarray) -> np.ndarray:
+        """Return the solutions for several columns of a matrix that one rank has alone."""
+        dense: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
+        value = dense.createDense(right.shape, array=np.asfortranarray(right), comm=self.given.comm)
+        result = value.duplicate()
+        self.matrix.matSolve(value, result)
+        answer: np.ndarray = result.getDenseArray().copy()
+        value.destroy()
+        result.destroy()
+        return answer
 
     def destroy(self) -> None:
         """Free the factors; collective."""

@@ -32,8 +32,11 @@ class SlowMotion(AdaptiveMotion[Result]):
         self.radiation = {
             f.name: radiation_impedance(model, f) if radiates else np.zeros(len(f.interface.plus)) for f in model.faults
         }
-        self.equilibrium = Equilibrium(model, petsc_options, self.radiation)
+        self.equilibrium = self._make_equilibrium(petsc_options)
         self._driven = model.loads.prescribed.astype(float)
+
+    def _make_equilibrium(self, petsc_options: PetscOptions | None) -> Equilibrium:
+        return Equilibrium(self.model, petsc_options, self.radiation)
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies at the end of the step [J]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.condensed import MAX_UNKNOWNS, fits
 from ruptfx.stepping.implicit.loaded_bodies import LoadedBodies
+from ruptfx.stepping.implicit.series_bodies import SeriesBodies, SurfaceResponses
 from ruptfx.stepping.implicit.solution import Solution
 from ruptfx.stepping.steppers import Stepper
 from ruptfx.stepping.steppers._evolution import evolution_of
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from ruptfx.bodies.state import FaultState, State
     from ruptfx.interfaces.faults.fault import Fault
     from ruptfx.interfaces.mechanisms.system import System
+    from ruptfx.stepping.implicit.options import PetscOptions
 
 OPENS = 0.01  # part of its initial normal stress below which a fault counts as opening
 LEAST = 1e-14  # smallest step over time, close to rounding
@@ -76,7 +78,7 @@ class QuasiDynamic(Stepper):
     """
 
     time_schemes: ClassVar[tuple[Way, ...]] = ("implicit",)
-    offers = (Stepper.offers | {"ties"}) - {"inertia", "sliding", "cohesion", "gap", "rigid contact"}
+    offers = (Stepper.offers | {"ties", "along strike"}) - {"inertia", "sliding", "cohesion", "gap", "rigid contact"}
     adaptive: ClassVar[bool] = True
 
     tolerance: Fraction = 1e-4
@@ -87,7 +89,7 @@ class QuasiDynamic(Stepper):
     """Largest time step; default: a hundredth of the duration."""
 
     def bind(self, model: System) -> QuasiDynamicMotion:
-        return QuasiDynamicMotion(model, self)
+        return QuasiDynamicMotion(model, self) if model.section is None else SeriesMotion(model, self)
 
 
 class QuasiDynamicMotion(SlowMotion["Attempt"]):
@@ -95,16 +97,11 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
 
     def __init__(self, model: System, stepper: QuasiDynamic) -> None:
         super().__init__(model, True)
-        if not fits(model):
-            raise CaseError(
-                f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MAX_UNKNOWNS} "
-                "unknowns of all faults; use 'quasi_static', or fewer nodes"
-            )
         self._stepper = stepper
         self._unbalanced: ConvergenceError | None = None
         self.greatest = stepper.largest_step or model.case.duration / 100
         self._shear = slice(int(model.faults[0].interface.has_normal), None)
-        self._bodies = LoadedBodies(self.equilibrium, self._shear, self.greatest)
+        self._bodies = self._make_bodies()
         self._jumps = self._bodies.jumps
         self._strengths = {fault.name: StrengthAtState(fault.friction) for fault in model.faults}
         self._evolutions = {fault.name: evolution_of(model, fault) for fault in model.faults}
@@ -112,6 +109,15 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
         self._held = self._of_all(lambda fault: fault.is_held) > 0
         self.dt = min(stepper.first_step or self._first_step(), self.greatest)
+
+    def _make_bodies(self) -> LoadedBodies | SeriesBodies:
+        if not fits(self.model):
+            raise CaseError(
+                f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MAX_UNKNOWNS} "
+                "unknowns of all faults; use 'quasi_static', fewer nodes, or mesh.along_strike for a section that "
+                "repeats along strike"
+            )
+        return LoadedBodies(self.equilibrium, self._shear, self.greatest)
 
     def _first_step(self) -> float:
         fastest = self._of_all(lambda fault: self._carried_rate(fault, fault.initial_state()))
@@ -219,7 +225,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         end, off, traction, rate = (self._jumps.pick(each, fault.name) for each in (y, wrong, traction, rate))
         here = slice(shear, shear + evolution.columns)
         pressure, _ = self._stresses(fault, time, traction)
-        errors = evolution.errors(end[:, here], off[:, here], np.linalg.norm(rate, axis=1), pressure)
+        errors = evolution.errors(end[:, here], off[:, here], size_of(rate), pressure)
         return np.pad(errors, ((0, 0), (0, self._states - evolution.columns)))
 
     def _slope(
@@ -239,7 +245,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
                 result[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
         columns = self._jumps.gather(result)
         rate, ageing, traction = np.split(columns, np.cumsum([shear, self._states]), axis=1)
-        speed = np.linalg.norm(rate, axis=1)
+        speed = size_of(rate)
         self._guess = np.where(np.isfinite(speed), speed, self._guess)
         return np.concatenate([rate, ageing], axis=1), traction, rate
 
@@ -271,11 +277,11 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         rate = speed[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
         if fault.prescribed is not None:
             rate = np.where(fault.is_held[:, None], fault.prescribed.rate(time), rate)
-            speed = np.linalg.norm(rate, axis=1)
+            speed = size_of(rate)
         if prescribed.any():
             # Slip follows the bodies there, and friction gives the traction.
             rate = np.where(prescribed[:, None], growth[:, self._shear], rate)
-            speed = np.linalg.norm(rate, axis=1)
+            speed = size_of(rate)
             carried = (strength(speed, pressure, state)[0] + eta * speed)[:, None] * rate
             carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
             traction[:, self._shear] = np.where(prescribed[:, None], carried, traction[:, self._shear])
@@ -323,13 +329,47 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
             "mean_slip_rate": (slip - fault.components(old, "slip")) / dt, "shear_traction": shear,
         }) | evolution.state(variables)  # fmt: skip
         at = Moment(
-            time=time, since=dt, speed=np.linalg.norm(rate, axis=1), speed_then=speed_of(fault, old),
+            time=time, since=dt, speed=size_of(rate), speed_then=speed_of(fault, old),
             normal_stress=pressure, normal_stress_then=old["normal_stress"], closed=(pressure > 0) | fault.is_held,
             held=fault.is_held,
             has_strength=fault.has_strength, power=frictional_power(fault, old, new, dt), duration=dt,
             threshold=fault.threshold_at(time, self.model.case.output.rupture_threshold),
         )  # fmt: skip
         return new | {monitor.name: np.asarray(monitor.update(old[monitor.name], at)) for monitor in MONITORS}
+
+
+class SeriesMotion(QuasiDynamicMotion):
+    """Steps of surfaces in bodies that repeat along strike; displacements are those of the interfaces alone."""
+
+    _bodies: SeriesBodies
+
+    def _make_equilibrium(self, petsc_options: PetscOptions | None) -> SurfaceResponses:
+        return SurfaceResponses(self.model, self.radiation)
+
+    def _make_bodies(self) -> SeriesBodies:
+        return SeriesBodies(self.equilibrium.model, self.greatest)
+
+    def energies(self, state: State) -> dict[str, float]:
+        strain = self._bodies.strain_energy(state.time, *self._slip_and_change(state.faults, state.time))
+        return self.model.energies(state, (0.0, strain if self.model.comm.rank == 0 else 0.0))
+
+    def _slip_and_change(self, faults: Mapping[str, FaultState], time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return slip [m] and T - T_0 [Pa] of all points; collective."""
+
+        def change(fault: Fault) -> np.ndarray:
+            fields = faults[fault.name]
+            normal = fault.normal_stress_0 - fields["normal_stress"]
+            return np.column_stack([normal, fault.components(fields, "shear_traction") - fault.driving_shear(time)])
+
+        return self._of_all(lambda fault: fault.components(faults[fault.name], "slip")), self._of_all(change)
+
+    def _account(self, state: State, solution: Solution) -> np.ndarray:
+        times = state.time, state.time + solution.dt
+        ends = [self._slip_and_change(*end) for end in zip((state.faults, solution.faults), times, strict=True)]
+        slips, tractions = zip(*ends, strict=True)
+        if self.model.comm.rank == 0:
+            state.energy["boundary_work"] += self._bodies.work(times, slips, tractions)
+        return np.zeros_like(state.velocity)
 
 
 def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:

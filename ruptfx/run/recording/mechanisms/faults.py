@@ -67,7 +67,8 @@ class FaultRecords(Records):
             points = np.stack([place[axis] for axis in "xyz" if axis in place], axis=1)
             ends = points[[0, -1], : model.coordinates.shape[1]]
         ends = model.comm.bcast(ends, root=0)
-        nodes = [model.coordinates[Edge(model, name, "boundaries").nodes] for name in model.case.driven_edges]
+        driven = model.case.driven_edges if model.section is None else []  # edges of a section are beside no end
+        nodes = [model.coordinates[Edge(model, name, "boundaries").nodes] for name in driven]
         apart = [
             -parallel.largest(model.comm, max((-np.linalg.norm(x - end, axis=1).min(initial=np.inf) for x in nodes),
                                               default=-np.inf))

@@ -1,0 +1,238 @@
+"""Stiffness of interfaces in bodies that repeat along strike: one real matrix for every wavenumber of a Fourier series.
+
+Slip along the section goes with cos kz, slip along strike with sin kz (`ruptfx.interfaces.section`); the other family
+(sin, -cos) has the same matrix. Complex amplitudes of strike components times i are those of the real problem.
+
+Bodies are stuck at the interfaces with a stiffness kappa, A(k) = K(k) + J' W kappa J, and S = J A^-1 J' W. Contact has
+the compliance c. Then T = P g_F - K s with P = (S (1 - kappa c) + c)^-1 and K = P (1 - S kappa), as in `loaded_bodies`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.fft
+from scipy.linalg import solve
+from scipy.sparse import csr_matrix, diags
+
+from ruptfx.platform import fem, parallel
+from ruptfx.platform.codegen.native import cache_directory
+from ruptfx.stepping.implicit.compliance import Decomposed
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.section import Section
+
+SILENT = 1e-13  # normal traction over shear traction per slip below which it is rounding
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """Response of the bodies to driven edges with interfaces that do not slip, the same all along strike.
+
+    Attributes
+    ----------
+    traction : ndarray, shape (points, 3)
+        [Pa]
+    jump : ndarray, shape (points, 3)
+        g_F: with interfaces that are stuck with kappa [m].
+    energy : float
+        Of bodies and contact, per length of strike [J/m].
+    """
+
+    traction: np.ndarray
+    jump: np.ndarray
+    energy: float
+
+
+class StrikeSeries:
+    """Tractions of the interfaces of a section from slip that varies along strike, by wavenumber.
+
+    Parameters
+    ----------
+    section : Section
+    names : sequence of str
+        The interfaces; their points are numbered one after the other.
+    compliance : ndarray, shape (section points, 3)
+        Of contact along normal, strike and tangent [m/Pa].
+    period : float
+        [m]
+    points : int
+        Equidistant points along strike in a period.
+    comm : MPI communicator
+        Ranks share the wavenumbers.
+    folder : Path, optional
+        Where matrices are stored by checksum; default is the cache of compiled code.
+
+    Attributes
+    ----------
+    wavenumbers : ndarray
+        [1/m]
+    stored : int
+        Matrices of this rank that were read, and not computed.
+    """
+
+    def __init__(
+        self, section: Section, names: Sequence[str], compliance: np.ndarray, period: float, points: int,
+        comm: fem.MPI.Comm, folder: Path | None = None,
+    ) -> None:  # fmt: skip
+        self.section, self.comm, self.period, self.points = section, comm, period, points
+        self._J, self.weight = section.jumps(names)
+        self._c = compliance.ravel()
+        self.size = len(self._c) // 3
+        diagonal = section.powers[0].diagonal().reshape(-1, 3).max(axis=1)
+        faces = [section.faces[name] for name in names]
+        softer = [np.minimum(diagonal[face.plus], diagonal[face.minus]) / face.weight for face in faces]
+        self._kappa = np.repeat(np.concatenate(softer), 3)
+        self.wavenumbers = 2 * np.pi / period * np.arange(points // 2 + 1)
+        self._mine = np.arange(comm.rank, len(self.wavenumbers), comm.size)
+        self._folder, self.stored = folder or cache_directory() / "stiffness", 0
+        error = None
+        try:
+            self._matrices = np.stack([self._matrix(k) for k in self.wavenumbers[self._mine]]) if len(self._mine) else (
+                np.zeros((0, 3 * self.size, 2 * self.size))
+            )  # fmt: skip
+        except Exception as caught:  # MUMPS of one rank may lack memory
+            error = caught
+        parallel.raise_on_all(comm, error)
+        largest = parallel.largest(comm, np.abs(self._matrices[:, 1:]).max(initial=0.0))
+        normal = parallel.largest(comm, np.abs(self._matrices[:, 0::3]).max(initial=0.0))
+        self.has_opening = normal > SILENT * largest
+        if not self.has_opening:  # rows of zeros between the others would take a third of a product
+            rows = np.arange(3 * self.size).reshape(-1, 3)[:, 1:].ravel()
+            self._matrices = np.ascontiguousarray(self._matrices[:, rows])
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the matrices of all ranks [bytes]."""
+        return len(self.wavenumbers) * self._count() * 8
+
+    def _count(self) -> int:
+        return (3 if self.has_opening else 2) * 2 * self.size**2
+
+    def stiffness(self, k: float) -> csr_matrix:
+        """Return A(k) over the unknowns [N/m2], per length of strike."""
+        by_power = self.section.powers
+        stuck = self._J.T @ diags(self.weight * self._kappa) @ self._J
+        T = self.section.unknowns
+        return (T.T @ (by_power[0] + k * by_power[1] + k**2 * by_power[2] + stuck) @ T).tocsr()
+
+    @cached_property
+    def checksum(self) -> str:
+        """Checksum of all that the matrices depend on but the wavenumber."""
+        digest = hashlib.sha256(b"ruptfx 1: slip to traction")
+        sparse = (*self.section.powers, self.section.unknowns, self._J)
+        arrays = [each for matrix in sparse for each in (matrix.indptr, matrix.indices, matrix.data)]
+        for array in (*arrays, self.weight, self._kappa, self._c):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+    def _matrix(self, k: float) -> np.ndarray:
+        """Return K of a wavenumber from its file, or computed and written there: (3 points, 2 points)."""
+        name = hashlib.sha256(f"{self.checksum} {float(k).hex()}".encode()).hexdigest()[:32]
+        file = self._folder / f"{name}.npy"
+        shape = (3 * self.size, 2 * self.size)
+        try:
+            with file.open("rb") as stream:
+                matrix, check = np.load(stream, allow_pickle=False), stream.read()
+            if matrix.shape == shape and check == _sum_of(matrix):
+                self.stored += 1
+                return np.asarray(matrix)
+        except (OSError, ValueError, EOFError):
+            pass
+        matrix = self._computed(k)
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            part = file.with_suffix(f".{os.getpid()}")
+            with part.open("wb") as stream:
+                np.save(stream, matrix)
+                stream.write(_sum_of(matrix))
+            part.replace(file)
+        except OSError:  # a full disk: the next run computes it again
+            part.unlink(missing_ok=True)
+        return matrix
+
+    def _computed(self, k: float) -> np.ndarray:
+        S, _, factors = self._compliance(k)
+        factors.destroy()
+        both = solve(self._system(S), np.eye(3 * self.size) - S * self._kappa)
+        shear = np.arange(3 * self.size).reshape(-1, 3)[:, 1:].ravel()
+        return np.ascontiguousarray(both[:, shear])
+
+    def _system(self, S: np.ndarray) -> np.ndarray:
+        return S * (1 - self._kappa * self._c) + np.diag(self._c)
+
+    def _compliance(self, k: float) -> tuple[np.ndarray, np.ndarray, Decomposed]:
+        """Return S, A^-1 J' W over the unknowns, and the factors of A."""
+        A = self.stiffness(k)
+        made: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
+        integer = fem.PETSc.IntType
+        rows = A.indptr.astype(integer), A.indices.astype(integer), A.data
+        matrix = made.createAIJ(A.shape, csr=rows, comm=fem.MPI.COMM_SELF)
+        factors = Decomposed(matrix)
+        pull = (self.section.unknowns.T @ self._J.T @ diags(self.weight)).toarray(order="F")
+        answer = factors.solve_all(pull)
+        return self._J @ (self.section.unknowns @ answer), answer, factors
+
+    @cached_property
+    def _uniform(self) -> tuple[np.ndarray, np.ndarray, Decomposed]:
+        return self._compliance(0.0)
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """S of each point on itself for uniform slip, shape (section points, 3) [m/Pa]."""
+        return np.diagonal(self._uniform[0]).reshape(-1, 3)
+
+    def held(self, jump: np.ndarray) -> np.ndarray:
+        """Return P g_F, traction that loads bring to interfaces without slip [Pa], as g_F of shape (points, 3) [m]."""
+        return np.asarray((self._by_jump @ jump.ravel()).reshape(-1, 3))
+
+    @cached_property
+    def _by_jump(self) -> np.ndarray:
+        return np.linalg.inv(self._system(self._uniform[0]))
+
+    def loaded(self, moved: np.ndarray) -> Loaded:
+        """Return the response to driven edges in place: displacements of the section, zero elsewhere [m]."""
+        section, (_, answer, factors) = self.section, self._uniform
+        T, K = section.unknowns, section.powers[0]
+        stuck = self._J.T @ (self.weight * self._kappa * (self._J @ moved))
+        free = T @ factors.solve(-(T.T @ (K @ moved + stuck)))
+        jump = self._J @ (moved + free)
+        traction = self.held(jump).ravel()
+        u = moved + free - T @ (answer @ (traction - self._kappa * self._c * traction))
+        return Loaded(traction.reshape(-1, 3), jump.reshape(-1, 3), 0.5 * float(moved @ (K @ u)))
+
+    def traction(self, slip: np.ndarray) -> np.ndarray:
+        """Return K s, traction that slip takes away [Pa]; collective.
+
+        Parameters
+        ----------
+        slip : ndarray, shape (strike points, section points, 2)
+            Along strike and along the section [m].
+
+        Returns
+        -------
+        ndarray, shape (strike points, section points, 3)
+        """
+        amplitudes = scipy.fft.rfft(slip, axis=0)
+        amplitudes[..., 0] *= 1j
+        mine = np.ascontiguousarray(amplitudes[self._mine].reshape(len(self._mine), -1))
+        pairs = mine.view(float).reshape(*mine.shape, 2)
+        product = np.matmul(self._matrices, pairs)
+        local = 3 if self.has_opening else 2
+        result = np.zeros((len(self.wavenumbers), self.size, 3), dtype=complex)
+        result[self._mine, :, 3 - local :] = product.view(complex).reshape(len(self._mine), self.size, local)
+        if self.comm.size > 1:
+            result = parallel.total(self.comm, result.view(float)).view(complex)
+        result[..., 1] *= -1j
+        return np.asarray(scipy.fft.irfft(result, n=self.points, axis=0))
+
+
+def _sum_of(matrix: np.ndarray) -> bytes:
+    return hashlib.sha256(np.ascontiguousarray(matrix).tobytes()).digest()
