@@ -96,6 +96,13 @@ class Section(Discretisation):
                     f"{coupling:.2g} of the largest), which mesh.along_strike needs; turn its axes about z only"
                 )
 
+    def strain_measure(self) -> fem.ufl.Measure:
+        """Return the measure of the strain energy: exact on straight elements.
+
+        With the quadrature of the mass errors of the closed forms are 2.5 times as large at order 2.
+        """
+        return self.measure()(metadata={"quadrature_degree": 2 * self.order})
+
     @cached_property
     def _compiled(self) -> tuple[Any, Any]:
         """Second derivative of the strain energy, and its constant: the wavenumber [1/m]."""
@@ -105,8 +112,7 @@ class Section(Discretisation):
         u, v, w = field
         xz, yz, xy = 0.5 * (w.dx(0) - k * u), 0.5 * (w.dx(1) - k * v), 0.5 * (u.dx(1) + v.dx(0))
         strain = ufl.as_matrix([[u.dx(0), xy, xz], [xy, v.dx(1), yz], [xz, yz, k * w]])
-        # Exact on straight elements: k^2 terms under the quadrature of the mass cost two digits at order 2.
-        dx = self.measure()(metadata={"quadrature_degree": 2 * self.order})
+        dx = self.strain_measure()
         stored = sum(each.energy_density(strain, "solid") * dx(i) for i, each in enumerate(self.materials_in_forms()))
         trial, test = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         return fem.form(ufl.derivative(ufl.derivative(stored, field, test), field, trial)), k

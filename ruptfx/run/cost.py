@@ -7,7 +7,6 @@ its start-up time. Work outside of the run, such as other rows of `ruptfx check`
 
 from __future__ import annotations
 
-import resource
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from ruptfx import RuptfxError
 from ruptfx.case import Case
 from ruptfx.input.fields import stress_entries
 from ruptfx.platform import fem
+from ruptfx.platform.memory import available, largest_memory
 from ruptfx.results import figure_process
 from ruptfx.results.analysis.raster import PIXELS
 from ruptfx.run.recording.bulk_fields import BulkFields, recorded_states
@@ -242,29 +242,3 @@ def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
             f"here; twice the mesh.element_size takes a quarter. Else make the bodies smaller, let elements grow away "
             "from the interface (mesh.growth), or spread the ranks over several machines"
         )
-
-
-def largest_memory() -> float:
-    """Return the peak memory of this program [bytes]; getrusage would include the program that started it."""
-    try:
-        lines = Path("/proc/self/status").read_text().splitlines()
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
-    return next(float(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:"))
-
-
-def available(root: Path = Path("/")) -> float | None:
-    """Return the free memory for this process [bytes], of the machine and of its control group; None if unknown."""
-    try:
-        lines = (root / "proc/meminfo").read_text().splitlines()
-    except OSError:
-        return None
-    free = [float(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
-    groups = root / "sys/fs/cgroup"
-    for limit, used in (("memory.max", "memory.current"),
-                        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")):  # fmt: skip
-        try:
-            free.append(float((groups / limit).read_text()) - float((groups / used).read_text()))
-        except (OSError, ValueError):  # no such group, or its limit is "max"
-            continue
-    return max(min(free), 0.0) if free else None

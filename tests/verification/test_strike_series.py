@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
+from helpers.compare import largest_difference
+from pydantic import ValidationError
+
+from ruptfx import RuptfxError
+from ruptfx.app.checks.preflight import preflight
 from ruptfx.bodies.boundaries.driven import Driven
 from ruptfx.bodies.meshes.half_plate import HalfPlate
+from ruptfx.bodies.meshes.two_plates import TwoPlates
+from ruptfx.bodies.state import State
+from ruptfx.case import Case
+from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.section import Section
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.platform import fem
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+from ruptfx.run.simulation import simulate
+from ruptfx.stepping.implicit import ConvergenceError, strike_series
 from ruptfx.stepping.implicit.strike_series import StrikeSeries
+from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamicMotion
 
 pytestmark = pytest.mark.fem
 
@@ -22,33 +37,233 @@ G, NU = 30e9, 0.25
 ROCK = {"default": IsotropicElastic(young_modulus=2 * G * (1 + NU), poisson_ratio=NU, density=2670.0)}
 
 
-def half_space(size: float, height: float = 6.0) -> Section:
+def half_space(size: float, order: int) -> Section:
     """One half of a whole space with a plane fault of length 1 along x, between planes of symmetry."""
     held = [Driven(edge=f"upper.{side}", component="x", velocity=0.0) for side in ("left", "right")]
     far = [Driven(edge="upper.top", component=axis, velocity=0.0) for axis in "xyz"]
-    mesh = HalfPlate(length=1.0, height=height, element_size=size, growth=1.15)
-    return Section(mesh, ROCK, 2, [*held, *far])
+    mesh = HalfPlate(length=1.0, height=6.0, element_size=size, growth=1.15)
+    return Section(mesh, ROCK, order, [*held, *far])
 
 
-def series(section: Section, folder: Path, period: float = 2 * np.pi, points: int = 16) -> StrikeSeries:
-    face = section.faces["main"]
-    nearly_rigid = np.full((len(face.plus), 3), 1 / (1e9 * G))
-    return StrikeSeries(section, ["main"], nearly_rigid, period, points, fem.MPI.COMM_WORLD, folder)
+def series(section: Section, folder: Path, points: int = 16, compliance: float = 1e-9 / G) -> StrikeSeries:
+    nearly_rigid = np.full((len(section.faces["main"].plus), 3), compliance)
+    return StrikeSeries(section, ["main"], nearly_rigid, 2 * np.pi, points, fem.MPI.COMM_WORLD, folder)
 
 
-@pytest.mark.parametrize(("q", "k", "bound"), [
-    (0, 2, 1e-5), (0, 5, 3e-5), (np.pi, 2, 1e-4), (np.pi, 5, 1e-4), (2 * np.pi, 1, 1.5e-3),
+@pytest.mark.parametrize(("q", "k"), [(0, 2), (0, 5), (np.pi, 2), (np.pi, 5), (2 * np.pi, 1)])
+def test_closed_form_of_a_plane_fault(q: float, k: int, tmp_path: Path) -> None:
+    """Slip along strike cos(q x) sin(k z) and along the section sin(q x) cos(k z) in a whole space.
+
+    G kappa / 2 (delta + (1 / (1 - nu) - 1) k k' / kappa^2) with the wavenumbers k along both directions.
+    """
+    K = series(half_space(1 / 4, 4), tmp_path)
+    x, weight = K.section.faces["main"].points[:, 0], K.weight[::3]
+    z, kappa = 2 * np.pi * np.arange(16)[:, None] / 16, np.hypot(q, k)
+    strike, dip = np.cos(q * x) * np.sin(k * z), np.sin(q * x) * np.cos(k * z)
+    none = np.zeros_like(strike)
+
+    def part(values: np.ndarray, pattern: np.ndarray) -> float:
+        return float(np.sum(weight * values * pattern) / np.sum(weight * pattern**2))
+
+    by_strike = K.traction(np.stack([strike, none], axis=2))
+    assert part(by_strike[..., 1], strike) == pytest.approx(0.5 * G * kappa * ((k / kappa) ** 2 / (1 - NU) +
+                                                                            (q / kappa) ** 2), rel=2e-5)  # fmt: skip
+    assert not K.has_opening and not by_strike[..., 0].any()
+    if q:
+        by_dip = K.traction(np.stack([none, dip], axis=2))
+        assert part(by_dip[..., 2], dip) == pytest.approx(0.5 * G * kappa * ((q / kappa) ** 2 / (1 - NU) +
+                                                                          (k / kappa) ** 2), rel=2e-5)  # fmt: skip
+        mixed = 0.5 * G * q * k / kappa * (1 / (1 - NU) - 1)
+        assert part(by_strike[..., 2], dip) == pytest.approx(mixed, rel=1e-4)
+        assert part(by_dip[..., 1], strike) == pytest.approx(mixed, rel=1e-4)
+
+
+def test_matrices_are_read_again_unless_damaged_or_of_other_bodies(tmp_path: Path) -> None:
+    first = series(half_space(1 / 2, 2), tmp_path, 8)
+    slip = np.random.default_rng(1).normal(size=(8, first.size, 2))
+    assert first.stored == 0 and len(list(tmp_path.iterdir())) == 5
+    again = series(half_space(1 / 2, 2), tmp_path, 8)
+    assert again.stored == 5
+    np.testing.assert_array_equal(again.traction(slip), first.traction(slip))
+    damaged = sorted(tmp_path.iterdir())[0]
+    damaged.write_bytes(damaged.read_bytes()[:-40] + bytes(40))
+    mended = series(half_space(1 / 2, 2), tmp_path, 8)
+    assert mended.stored == 4
+    np.testing.assert_array_equal(mended.traction(slip), first.traction(slip))
+    assert series(half_space(1 / 2, 2), tmp_path, 8, 2e-9 / G).stored == 0
+
+
+def test_reciprocity_between_unlike_bodies(tmp_path: Path) -> None:
+    """s' W K r = r' W K s for any slip, with opening stress of the sign that the stiffer side gives it."""
+    soft = IsotropicElastic(young_modulus=30e9, poisson_ratio=0.3, density=2500.0)
+    bodies = {"upper": ROCK["default"], "lower": soft}
+    held = [Driven(edge=edge, component=axis, velocity=0.0) for edge in ("upper.top", "lower.bottom") for axis in "xyz"]
+    section = Section(TwoPlates(length=1.0, height=1.0, element_size=0.25), bodies, 2, held)
+    K = series(section, tmp_path, 9)
+    one, other = np.random.default_rng(2).normal(size=(2, 9, K.size, 2))
+    weight = K.weight[::3, None]
+    products = [np.sum(weight * a * K.traction(b)[..., 1:]) for a, b in ((one, other), (other, one))]
+    assert products[0] == pytest.approx(products[1], rel=1e-9)
+    assert K.has_opening and np.sum(weight * one * K.traction(one)[..., 1:]) > 0
+
+
+def test_as_the_true_mesh_in_three_dimensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slip along strike sin(k z) on a plane between unlike plates, of the length of one wave, against an extruded mesh.
+
+    Its ends along z are planes of antisymmetry in u_x, u_y and of symmetry in u_z, as those of the series.
+    """
+    monkeypatch.setattr(Section, "strain_measure", Section.measure)  # the quadrature of other meshes
+    bodies = {"upper": {"kind": "isotropic_elastic", "young_modulus": 80e9, "poisson_ratio": 0.25, "density": 2700.0},
+              "lower": {"kind": "isotropic_elastic", "young_modulus": 30e9, "poisson_ratio": 0.3, "density": 2500.0}}
+    flat = {"kind": "two_plates", "length": 1.0, "height": 1.0, "element_size": 0.5}
+    far = [{"kind": "driven", "edge": edge, "component": axis, "velocity": 0.0}
+           for edge in ("upper.top", "lower.bottom") for axis in "xyz"]  # fmt: skip
+    ends = [{"kind": "driven", "edge": f"{body}.{end}", "component": "z", "velocity": 0.0}
+            for body in bodies for end in ("back", "front")]  # fmt: skip
+    law = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.014, "D_c": 2e-3, "f_0": 0.6, "V_0": 1e-6}
+    shared = {
+        "plane": "solid", "order": 4, "duration": 1.0, "materials": bodies, "stepper": {"kind": "quasi_dynamic"},
+        "faults": {"main": {"contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}, "friction": law,
+                            "initial_stress": {"normal": 6e6, "shear": 3.3e6}}},
+    }  # fmt: skip
+    extruded = {"kind": "extruded", "thickness": 0.5, "layers": 2, "section": flat}
+    solid = Case.model_validate({**shared, "boundaries": [*far, *ends], "mesh": extruded})
+    along = {"length": 1.0, "period": 1.0, "points": 8}
+    repeats = Case.model_validate({**shared, "boundaries": far, "mesh": {**flat, "along_strike": along}})
+    tractions = []
+    for case in (solid, repeats):
+        model = Model(case, fem.MPI.COMM_SELF)
+        bodies_of = case.stepper.bind(model)._bodies
+        points, frame = model.faults[0].interface.points, model.faults[0].interface.frame
+        slip, taper = np.zeros((len(points), 3)), np.sin(np.pi * points[:, 0]) ** 2
+        slip[:, 2] = taper * np.sin(2 * np.pi * points[:, 2])
+        slip[:, 0] = 0.5 * taper * np.cos(2 * np.pi * points[:, 2])
+        local = np.einsum("ikc,ic->ik", frame, slip)[:, 1:]
+        traction = bodies_of.traction(np.zeros((len(points), 3)), local)
+        globally = np.einsum("ikc,ik->ic", frame, traction)
+        # Amplitudes of the wave at every x.
+        x = np.unique(np.round(points[:, 0], 9))
+        wave = np.column_stack([np.cos(2 * np.pi * points[:, 2])] * 2 + [np.sin(2 * np.pi * points[:, 2])])
+        weight = model.faults[0].interface.weight[:, None]
+        tractions.append(np.array([
+            (weight * globally * wave)[at].sum(axis=0) / (weight * wave**2)[at].sum(axis=0)
+            for at in (np.abs(points[:, 0] - each) < 1e-6 for each in x)
+        ]))  # fmt: skip
+    true, ours = tractions
+    assert np.abs(ours).max(axis=0).min() > 1e9
+    np.testing.assert_allclose(ours, true, atol=5e-4 * np.abs(true).max())
+
+
+def faulted(changes: dict[str, Any] | None = None) -> Case:
+    """Return a small vertical fault under a free surface that creeps and slips, with ends that creep."""
+    moved = [{"kind": "driven", "edge": f"upper.{edge}", "component": axis, "velocity": speed}
+             for edge in ("below", "top") for axis, speed in (("x", 0.0), ("z", 1e-6))]  # fmt: skip
+    moved.append({"kind": "driven", "edge": "upper.top", "component": "y", "velocity": 0.0})
+    table: dict[str, Any] = {
+        "plane": "solid", "order": 2, "duration": 6000.0, "boundaries": moved,
+        "mesh": {"kind": "strike_slip_section", "fault_depth": 4.0, "depth": 8.0, "distance": 4.0, "element_size": 1.0,
+                 "growth": 1.3, "along_strike": {"length": 5.0, "period": 8.0, "points": 16, "creep": 2e-6}},
+        "materials": {"default": {"kind": "isotropic_elastic", "young_modulus": 3e9, "poisson_ratio": 0.25,
+                                  "density": 1200.0}},
+        "faults": {"main": {
+            "contact": {"kind": "compliant", "C_n": 1e13, "C_s": 1e13}, "initial_stress": {"normal": 5e6},
+            "friction": {"kind": "rate_and_state_ageing", "b": 0.014, "D_c": 1e-4, "f_0": 0.6, "V_0": 1e-6,
+                         "theta_initial": 100.0, "V_initial": 1e-6,
+                         "a": {"kind": "rectangle", "strike": [-1.5, 1.5], "dip": [0.0, 2.0], "inside": 0.008,
+                               "outside": 0.02}},
+        }},
+        "stepper": {"kind": "quasi_dynamic"}, "output": {"figures": False, "interface_steps": 10},
+    }  # fmt: skip
+    for key, value in (changes or {}).items():
+        *path, last = key.split(".")
+        part = table
+        for name in path:
+            part = part[name]
+        part[last] = value
+    return Case.model_validate(table)
+
+
+def test_energy_and_restart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work of driven edges = energy of bodies + friction + radiation; a stopped run goes on bitwise."""
+    case = faulted({"output.checkpoint_steps": 20, "duration": 300.0})
+    simulate(case, tmp_path / "whole", progress=False).close()
+    with Record(tmp_path / "whole") as record:
+        energy = {name: np.asarray(record.energy[name]) for name in ("closure", "frictional_dissipation", "strain")}
+        worst = np.abs(energy["closure"]).max()
+        assert worst < 1e-9 and energy["frictional_dissipation"][-1] > 0 and np.abs(energy["strain"][-1]) > 0
+    step = QuasiDynamicMotion.step
+
+    def stops(motion: QuasiDynamicMotion, state: State) -> None:
+        if state.step == 50:
+            raise ConvergenceError("stopped by the test")
+        step(motion, state)
+
+    monkeypatch.setattr(QuasiDynamicMotion, "step", stops)
+    with pytest.raises(ConvergenceError):
+        simulate(case, tmp_path / "stopped", progress=False)
+    monkeypatch.setattr(QuasiDynamicMotion, "step", step)
+    simulate(case, tmp_path / "stopped", progress=False, resume=True).close()
+    assert max(largest_difference(tmp_path / "whole", tmp_path / "stopped").values()) == 0
+
+
+def test_fault_that_creeps_as_a_whole_is_the_antiplane_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction that is uniform along strike: slip of the section in antiplane shear at the same time."""
+    monkeypatch.setattr(Section, "strain_measure", Section.measure)  # the quadrature of other meshes
+    ends = {}
+    for name in ("surface", "line"):
+        changes: dict[str, object] = {"faults.main.friction.a": 0.02, "duration": 40.0,
+                                      "mesh.along_strike": {"length": 8.0, "period": 8.0, "points": 4}}  # fmt: skip
+        case = faulted(changes)
+        if name == "line":
+            table = case.model_dump(exclude_none=True)
+            table |= {"plane": "antiplane", "output": {"figures": False}, "boundaries": [
+                each for each in table["boundaries"] if each["component"] == "z"]}  # fmt: skip
+            del table["mesh"]["along_strike"]
+            case = Case.model_validate(table)
+        model = Model(case, fem.MPI.COMM_SELF)
+        motion, state = case.stepper.bind(model), model.initial_state()
+        while state.time < 40 * (1 - 1e-9):
+            state.numbers["dt"] = min(state.numbers.get("dt", motion.dt), 40 - state.time)
+            motion.step(state)
+        fields, face = state.faults["main"], model.faults[0].interface
+        depth = face.points[:, 0]
+        slip = fields["slip_1" if name == "surface" else "slip"]
+        ends[name] = [slip[np.abs(depth - x) < 1e-9] for x in np.unique(np.round(depth, 9))]
+    for surface, line in zip(ends["surface"], ends["line"], strict=True):
+        assert len(surface) == 4 and np.ptp(surface) < 1e-12
+        assert surface[0] == pytest.approx(line[0], rel=1e-6)
+    assert ends["line"][0][0] < 0.6 * ends["line"][-1][0]
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"mesh.along_strike": {"length": 9.0, "period": 8.0, "points": 16}}, "period = 8.*length = 9"),
+    ({"stepper": {"kind": "leapfrog"}, "output.interface_steps": None}, "along_strike.*leapfrog.*quasi_dynamic"),
+    ({"plane": "strain"}, "along_strike.*plane = 'strain'.*'solid'"),
+    ({"output.bulk_interval": 1.0}, "bulk_interval = 1 s"),
 ])  # fmt: skip
-def test_closed_form_of_strike_slip(q: float, k: int, bound: float, tmp_path: Path) -> None:
-    """G kappa / 2 ((k / kappa)^2 / (1 - nu) + (q / kappa)^2) for slip along strike cos(q x) sin(k z)."""
-    K = series(half_space(1 / 8), tmp_path)
-    x = K.section.faces["main"].points[:, 0]
-    z = 2 * np.pi * np.arange(16) / 16
-    pattern = np.cos(q * x) * np.sin(k * z)[:, None]
-    slip = np.stack([pattern, 0 * pattern], axis=2)
-    traction = K.traction(slip)[..., 1]
-    kappa = np.hypot(q, k)
-    expected = 0.5 * G * kappa * ((k / kappa) ** 2 / (1 - NU) + (q / kappa) ** 2)
-    weight = np.broadcast_to(K.weight[::3], pattern.shape)
-    measured = np.sum(weight * traction * pattern) / np.sum(weight * pattern**2)
-    assert measured == pytest.approx(expected, rel=bound)
+def test_refusals(changes: dict[str, object], words: str) -> None:
+    with pytest.raises((CaseError, ValidationError), match=f"(?s){words}"):
+        faulted(changes)
+
+
+def test_refuses_matrices_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """9 wavenumbers and 9 points of 3 by 2 components are 35 kB."""
+    monkeypatch.setattr(strike_series, "available", lambda: 3e4)
+    case = faulted()
+    with pytest.raises(RuptfxError, match=r"points = 16.*3\.5e-05 GB.*3e-05 GB"):
+        case.stepper.bind(Model(case, fem.MPI.COMM_SELF))
+
+
+def test_check_says_wavenumbers_and_memory() -> None:
+    rows = {row.quantity: row for row in preflight(faulted())}
+    assert rows["mesh.along_strike: wavenumbers"].value == 9
+    assert rows["mesh.along_strike: matrices"].value == 9 * 4 * 9**2 * 8
+    near = rows["mesh.along_strike: gap between images"]
+    assert near.value == 3.0 and near.verdict == "warning"  # 4 m down dip
+
+
+def test_refuses_pressed_edges() -> None:
+    pressed = {"kind": "traction", "edge": "upper.right", "traction": [-1e6, 0.0, 0.0]}
+    pushed = faulted({"boundaries": [*faulted().model_dump(exclude_none=True)["boundaries"], pressed]})
+    with pytest.raises(CaseError, match=r"boundaries\.5\.kind = 'traction'.*initial_stress"):
+        Model(pushed, fem.MPI.COMM_SELF)

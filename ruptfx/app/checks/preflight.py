@@ -26,6 +26,7 @@ from ruptfx.run import stages
 from ruptfx.run.cost import available, counts, measured, need_memory, rehearse
 from ruptfx.run.model import Model
 from ruptfx.stepping.steppers import Motion, leapfrog
+from ruptfx.stepping.steppers.quasi_dynamic import SeriesMotion
 from ruptfx.stepping.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
@@ -46,7 +47,8 @@ def preflight(case: Case) -> Iterator[Row]:
     motion = stages.bind(model)
     StopRules(model, model.case.stop_when)
     built = time.process_time()
-    yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
+    if model.section is None:
+        yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
     yield from (Row(about, "", "", remark) for about, remark in case.mesh.remarks().items())
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         speeds = material.wave_speeds(case.plane)
@@ -64,7 +66,10 @@ def preflight(case: Case) -> Iterator[Row]:
     if case.plane in ("stress", "strain"):
         yield from (_pairing(model, fault) for fault in model.faults if fault.interface.elastic_sides)
     stable = stable_time_step(model)
-    yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
+    if isinstance(motion, SeriesMotion):
+        yield from _along_strike_rows(model, motion)
+    else:
+        yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
     steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))
     if steps is None:
         yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
@@ -82,6 +87,26 @@ def preflight(case: Case) -> Iterator[Row]:
     yield from (row_of(doubt) for doubt in doubts(model))
     yield from _record_rows(case, steps)
     yield from _cost(model, motion, steps, started, built)
+
+
+def _along_strike_rows(model: Model, motion: SeriesMotion) -> Iterator[Row]:
+    """Yield the size of the section and of its matrices, and the distance of the images of the fault."""
+    section, series = model.section, motion.series
+    assert section is not None and section.mesh_table.along_strike is not None
+    key, along = "mesh.along_strike", section.mesh_table.along_strike
+    yield Row("nodes of the section", section.nodes, "", f"3 components, order {model.case.order}")
+    note = f"{series.stored} of them were stored by earlier runs of these bodies"
+    yield Row(f"{key}: wavenumbers", len(series.wavenumbers), "", note)
+    opening = "with" if series.has_opening else "without"
+    note = f"{series.size} points down dip, {opening} change of the normal stress; a product takes their size from memory"
+    yield Row(f"{key}: matrices", series.bytes, "B", note)
+    gap, width = along.period - along.length, max(face.line.length for face in section.faces.values())
+    if gap < width:
+        note = f"less than {width:.4g} m down dip: the images change the stress on each other; increase period"
+        yield Row(f"{key}: gap between images", gap, "m", note, "warning")
+    else:
+        state = f"creeps at {along.creep:.3g} m/s" if along.creep else "is locked"
+        yield Row(f"{key}: gap between images", gap, "m", f"{state}; {width:.4g} m is the fault down dip")
 
 
 def _variation_rows(model: Model, name: str) -> Iterator[Row]:
@@ -111,6 +136,8 @@ def _camera_rows(case: Case) -> Iterator[Row]:
 def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:
     """Yield the numbers of records and snapshots."""
     for what, number in zip(("interface", "bulk"), counts(case, steps), strict=True):
+        if what not in case.intervals:
+            continue
         interval, key = case.intervals[what], f"output.{what}_interval"
         note = f"every {interval:.6g} s, and at the end" if interval < case.duration else "of the end alone"
         if what == "interface":

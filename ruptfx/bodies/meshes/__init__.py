@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 import numpy as np
-
 from pydantic import Field, model_validator
 
 from ruptfx.input.profiles import evaluate

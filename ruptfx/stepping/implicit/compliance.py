@@ -65,9 +65,12 @@ class Jumps:
         self._comm = model.comm
         self._faces = {fault.name: fault.interface for fault in model.faults}
         self._places: dict[str, np.ndarray] = {}
+        self._runs: dict[str, slice] = {}  # of faults whose points are all on this rank, in order
         self.points, self.local = 0, model.faults[0].interface.frame.shape[1]
         for name, face in self._faces.items():
             self._places[name] = self.points + face.number
+            if np.array_equal(face.number, np.arange(face.total)):
+                self._runs[name] = slice(self.points, self.points + face.total)
             self.points += face.total
 
     @property
@@ -83,6 +86,8 @@ class Jumps:
     def gather(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return values of all points, shape (points, ...), from those of this rank by fault; collective."""
         tail = next(iter(values.values())).shape[1:]
+        if self._comm.size == 1 and len(self._runs) == len(self._faces) == 1:
+            return np.array(values[next(iter(self._faces))], dtype=float)
         whole = np.zeros((self.points, *tail))
         for name, face in self._faces.items():
             whole[self._places[name][face.owned]] = values[name][face.owned]
@@ -94,7 +99,7 @@ class Jumps:
 
     def pick(self, whole: np.ndarray, name: str) -> np.ndarray:
         """Return the values of the points of one fault on this rank, shape (n, ...)."""
-        return np.asarray(whole[self._places[name]])
+        return np.asarray(whole[self._runs[name] if name in self._runs else self._places[name]])
 
     def of(self, displacement: np.ndarray) -> np.ndarray:
         """Return the jump of a displacement at all points, shape (points, local) [m]; collective."""

@@ -70,7 +70,8 @@ class SeriesBodies:
                 f"{len(grid)} instead of {along.points * offset}: an interface ends inside welded bodies or on another "
                 "one; take a mesh whose interfaces end at an edge"
             )
-        self._order, self._place = np.argsort(grid), grid
+        in_order = np.array_equal(grid, np.arange(len(grid)))  # of one interface whose points go down dip
+        self._order, self._place = (slice(None),) * 2 if in_order else (np.argsort(grid), grid)
         self._grid = (along.points, offset)
         contact = self._on_grid(self.jumps.gather({fault.name: compliance(fault) for fault in model.faults}))
         if np.abs(np.ptp(contact, axis=0)).max() > UNIFORM * contact.max():
@@ -110,7 +111,7 @@ class SeriesBodies:
     def loaded_jump(self, time: float) -> np.ndarray:
         """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]."""
         jump = self._loaded(time).jump
-        return np.broadcast_to(jump, (self._grid[0], *jump.shape)).reshape(-1, 3)[self._place]
+        return np.array(np.broadcast_to(jump, (self._grid[0], *jump.shape)).reshape(-1, 3)[self._place])
 
     def traction(self, loaded: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return T - T_0 [Pa], shape (points, local); collective.

@@ -22,8 +22,10 @@ import scipy.fft
 from scipy.linalg import solve
 from scipy.sparse import csr_matrix, diags
 
+from ruptfx import RuptfxError
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen.native import cache_directory
+from ruptfx.platform.memory import available
 from ruptfx.stepping.implicit.compliance import Decomposed
 
 if TYPE_CHECKING:
@@ -92,6 +94,7 @@ class StrikeSeries:
         self._kappa = np.repeat(np.concatenate(softer), 3)
         self.wavenumbers = 2 * np.pi / period * np.arange(points // 2 + 1)
         self._mine = np.arange(comm.rank, len(self.wavenumbers), comm.size)
+        self._need_memory()
         self._folder, self.stored = folder or cache_directory() / "stiffness", 0
         error = None
         try:
@@ -107,6 +110,23 @@ class StrikeSeries:
         if not self.has_opening:  # rows of zeros between the others would take a third of a product
             rows = np.arange(3 * self.size).reshape(-1, 3)[:, 1:].ravel()
             self._matrices = np.ascontiguousarray(self._matrices[:, rows])
+
+    def _need_memory(self) -> None:
+        """Refuse matrices that do not fit into the memory, before one is computed; collective.
+
+        Raises
+        ------
+        RuptfxError
+        """
+        free, need = available(), len(self.wavenumbers) * 6 * self.size**2 * 8
+        here = self.comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if self.comm.size > 1 else 1
+        if free is not None and need * here / self.comm.size > free:
+            parallel.raise_on_all(self.comm, RuptfxError(
+                f"mesh.along_strike: points = {self.points} and {self.size} points of the section give matrices of "
+                f"{need / 1e9:.3g} GB, and {free / 1e9:.3g} GB are free; half of both is an eighth of it, or spread "
+                "the ranks over several machines"
+            ))  # fmt: skip
+        parallel.raise_on_all(self.comm, None)
 
     @property
     def bytes(self) -> int:
