@@ -98,7 +98,7 @@ def _along_strike_rows(model: Model, motion: SeriesMotion) -> Iterator[Row]:
     note = f"{series.stored} of them were stored by earlier runs of these bodies"
     yield Row(f"{key}: wavenumbers", len(series.wavenumbers), "", note)
     opening = "with" if series.has_opening else "without"
-    note = f"{series.size} points down dip, {opening} change of the normal stress; a product takes their size from memory"
+    note = f"{series.size} points down dip, {opening} change of the normal stress; every product reads them all"
     yield Row(f"{key}: matrices", series.bytes, "B", note)
     gap, width = along.period - along.length, max(face.line.length for face in section.faces.values())
     if gap < width:

@@ -60,7 +60,8 @@ class SeriesBodies:
         for name in names:
             row[name], offset = offset, offset + len(section.faces[name].plus)
         faces = {fault.name: fault.interface for fault in model.faults}
-        place = {name: np.rint((face.points[:, 2] - along.positions[0]) / along.spacing) for name, face in faces.items()}
+        first, spacing = along.positions[0], along.spacing
+        place = {name: np.rint((face.points[:, 2] - first) / spacing) for name, face in faces.items()}
         below = {name: row[name] + section.points_of(name, face.points) for name, face in faces.items()}
         numbers = {name: place[name] * offset + below[name] for name in names}
         grid = np.rint(self.jumps.gather(numbers)).astype(np.int64)
