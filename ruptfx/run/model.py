@@ -17,7 +17,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.bodies import operators
 from ruptfx.bodies.boundaries.loading import Loads
-from ruptfx.bodies.meshes._strip import Strip
+from ruptfx.bodies.meshes.strip import Strip
 from ruptfx.bodies.operators.geometry import is_tensor
 from ruptfx.bodies.operators.memory_sweep import MemorySweep
 from ruptfx.bodies.space import mirror

@@ -202,5 +202,5 @@ if TYPE_CHECKING:
 else:
     AnyMesh = alternative("ruptfx.bodies.meshes")
 
-SHARED = ("lobatto",)
+SHARED = ("lobatto", "strip")
 """Files of this folder that are no kinds."""

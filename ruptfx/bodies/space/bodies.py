@@ -11,7 +11,7 @@ import numpy as np
 
 from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import FACETS, Base, MeshSource, RawMesh
-from ruptfx.bodies.meshes._strip import Strip
+from ruptfx.bodies.meshes.strip import Strip
 from ruptfx.bodies.space.branches import weld_branch_ends
 from ruptfx.bodies.space.closest import closest
 from ruptfx.bodies.space.connections import check_connections
