@@ -22,7 +22,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
@@ -143,6 +143,7 @@ class Condensed:
 
     Attributes
     ----------
+    model : System
     jumps : Jumps
     history : list of float
         Norm of the residual at every evaluation of the last solve [N]: of the full system, and of the interface
@@ -154,7 +155,7 @@ class Condensed:
     """
 
     def __init__(self, model: System, tangent: Tangent) -> None:
-        self._model, self._tangent, self.comm = model, tangent, model.comm
+        self.model, self._tangent, self.comm = model, tangent, model.comm
         self.jumps = Jumps(model)
         self._surfaces = Surfaces(model, self.jumps) if any(fault.slides for fault in model.faults) else None
         self._kept: OrderedDict[tuple[float, ...], Any] = OrderedDict()
@@ -165,32 +166,21 @@ class Condensed:
 
     def solve(self, step: Step, u: np.ndarray) -> bool:
         """Solve `step` from `u` and evaluate it there; return whether it has an equilibrium; collective."""
+        return self.iterate(step, KnownBodies(self, u))
+
+    def iterate(self, step: Step, bodies: Bodies) -> bool:
+        """Balance the interfaces of a step until its bodies need no correction; return whether they are; collective."""
         self.clear_history()
-        u, before = u.copy(), np.inf
-        for _ in range(MAX_CORRECTIONS):
-            step.evaluate(u)
-            left = norm(self._model, step.residual)
-            self.history.append(left)
-            if left <= step.enough(TOLERANCE):
-                self.reason = "CONVERGED"
-                return True
-            if not left < 0.5 * before:
-                self.reason = "DIVERGED: the residual falls no more" if np.isfinite(left) else "DIVERGED: a law failed"
-                return False
-            before = left
-            influence, multipliers = self.influence(step), step.multipliers
-            driven, finish = influence.begin(-step.residual, 0.1 * step.enough(TOLERANCE))
-            start = Start(influence, self.jumps.of(u), driven, step.enough(TOLERANCE))
-            root = self.balance(step, start)
+        while (start := bodies.start(step)) is not None:
+            multipliers, root = step.multipliers, self.balance(step, start)
             if root is None and self._surfaces is not None:
                 step.multipliers, self.outer = multipliers, 1
                 self.tractions(step, start.jumps)
                 root = self.balance(step, start, together=True)
             if root is None:
                 return False
-            u += finish(root.q)
-        self.reason = "DIVERGED: the residual falls too slowly"
-        return False
+            bodies.correct(step, start, root)
+        return bodies.converged
 
     def clear_history(self) -> None:
         """Reset the counters."""
@@ -202,9 +192,9 @@ class Condensed:
             return self.compliance(step)
         surfaces = self._surfaces
         of_bodies = self._of_length(
-            step.key[:2], lambda: SurfaceStiffness(self._model, surfaces, self._tangent, step.key[:2])
+            step.key[:2], lambda: SurfaceStiffness(self.model, surfaces, self._tangent, step.key[:2])
         )
-        faces = [fault.interface for fault in self._model.faults]
+        faces = [fault.interface for fault in self.model.faults]
         key = (step.key, *(face.geometry.revision for face in faces if isinstance(face, SlidingInterface)))
         if self._paired is None or self._paired[0] != key:
             self._paired = None  # frees memory for the next one
@@ -214,7 +204,7 @@ class Condensed:
     def compliance(self, step: Step) -> Compliance:
         """Return the compliance for the length of the step, for interfaces without finite sliding; collective."""
         return self._of_length(
-            step.key, lambda: Compliance(self._model, self.jumps, self._tangent, step.key[:2], step.stuck())
+            step.key, lambda: Compliance(self.model, self.jumps, self._tangent, step.key[:2], step.stuck())
         )
 
     def _of_length(self, key: tuple[float, ...], make: Callable[[], Stored]) -> Stored:
@@ -257,16 +247,16 @@ class Condensed:
         No interface is stiffer than a stuck one.
         """
         pulls = influence.weight[:, None] * blockwise_product(influence.stuck, guess.residual)
-        return parallel.agreed(self._model.comm, float(np.linalg.norm(pulls)))
+        return parallel.agreed(self.model.comm, float(np.linalg.norm(pulls)))
 
     def tractions(self, step: Step, jump: np.ndarray) -> Tractions | None:
         """Return the tractions at jumps of all points, None where a law fails; collective."""
         error = None
         try:
-            step.respond({fault.name: self.jumps.pick(jump, fault.name) for fault in self._model.faults})
+            step.respond({fault.name: self.jumps.pick(jump, fault.name) for fault in self.model.faults})
         except ProjectionError as caught:
             error = caught
-        if parallel.anywhere(self._model.comm, error is not None):
+        if parallel.anywhere(self.model.comm, error is not None):
             return None
         return self.gather(step)
 
@@ -277,6 +267,62 @@ class Condensed:
             for part in ("traction", "tangent")
         )
         return Tractions(value, tangent)
+
+
+class Bodies(Protocol):
+    """The bodies in a step: from where the iteration for the jumps starts, and what its root is for them.
+
+    Attributes
+    ----------
+    converged : bool
+    """
+
+    converged: bool
+
+    def start(self, step: Step) -> Start | None:
+        """Return the start of an iteration, at which the step has been evaluated; None to end; collective."""
+
+    def correct(self, step: Step, start: Start, root: Guess) -> None:
+        """Use the root, at which the interfaces of the step have been evaluated; collective."""
+
+
+class KnownBodies:
+    """Bodies with a displacement, which roots correct until the residual of the full system is small.
+
+    Parameters
+    ----------
+    solver : Condensed
+    u : ndarray, shape (nodes * components,)
+        Displacement from which the iteration starts [m].
+    """
+
+    def __init__(self, solver: Condensed, u: np.ndarray) -> None:
+        self._solver, self._u, self.converged = solver, u.copy(), False
+        self._before, self._corrections = np.inf, 0
+
+    def start(self, step: Step) -> Start | None:
+        solver = self._solver
+        if self._corrections == MAX_CORRECTIONS:
+            solver.reason = "DIVERGED: the residual falls too slowly"
+            return None
+        self._corrections += 1
+        step.evaluate(self._u)
+        size, enough = norm(solver.model, step.residual), step.enough(TOLERANCE)
+        solver.history.append(size)
+        self.converged = size <= enough
+        if self.converged:
+            solver.reason = "CONVERGED"
+            return None
+        if not size < 0.5 * self._before:
+            solver.reason = f"DIVERGED: {'the residual falls no more' if np.isfinite(size) else 'a law failed'}"
+            return None
+        self._before = size
+        influence = solver.influence(step)
+        driven, self._substitute = influence.begin(-step.residual, 0.1 * enough)
+        return Start(influence, solver.jumps.of(self._u), driven, enough)
+
+    def correct(self, step: Step, start: Start, root: Guess) -> None:
+        self._u += self._substitute(root.q)
 
 
 class _Newton:

@@ -31,7 +31,7 @@ import numpy as np
 
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
-from ruptfx.stepping.implicit.condensed import Condensed, Start, blockwise_product, traction_change
+from ruptfx.stepping.implicit.condensed import Condensed, Guess, Start, blockwise_product, traction_change
 from ruptfx.stepping.implicit.solution import Solution
 from ruptfx.stepping.implicit.solvers import TOLERANCE
 from ruptfx.stepping.implicit.step import FAR, Step, Terms
@@ -167,6 +167,61 @@ class LoadPath:
         return self._answers[compliance]
 
 
+class DeferredBodies:
+    """Bodies that are updated later: the iteration starts from expected jumps, and rounding decides on its root.
+
+    Parameters
+    ----------
+    steps : InterfaceSteps
+    solver : Condensed
+    carried : Carried
+    points : CarriedPoints
+        Carried values at all points of all faults.
+    expected : ndarray, shape (points, local)
+        Jumps at the end of the step [m].
+
+    Attributes
+    ----------
+    ends : ndarray, shape (points, local)
+        Jumps of the root [m].
+    is_uncertain : bool
+        Whether rounding or a law that failed leave the equilibrium to the full system.
+    """
+
+    def __init__(
+        self, steps: InterfaceSteps, solver: Condensed, carried: Carried, points: CarriedPoints, expected: np.ndarray
+    ) -> None:
+        self._steps, self._solver, self._carried, self._points = steps, solver, carried, points
+        self.ends, self.converged, self.is_uncertain, self._begun = expected, False, False, False
+
+    def start(self, step: Step) -> Start | None:
+        if self._begun:
+            return None
+        self._begun = True
+        solver, points, expected = self._solver, self._points, self.ends
+        compliance, base_jump = solver.compliance(step), solver.jumps.of(self._carried.base)
+        begin = solver.tractions(step, expected)
+        self.is_uncertain = begin is None
+        if begin is None:
+            return None
+        driven = base_jump - expected
+        for path, part in self._steps.grown(self._carried.since, step.time):
+            driven += part * path.answer(compliance)[1]
+        sticking = blockwise_product(compliance.stuck, expected - base_jump)
+        driven -= compliance.jumps_under(traction_change(begin.value, points.base_traction, sticking))
+        forces, self._least = self._steps.sizes(step, expected)
+        return Start(compliance, expected, driven, max(TOLERANCE * forces, self._least))
+
+    def correct(self, step: Step, start: Start, root: Guess) -> None:
+        self.ends = start.jumps + root.e
+        forces, rounding = self._steps.sizes(step, self.ends)
+        # Unsupported bodies fly far: rounding counts in proportion to the forces.
+        allowed = max(FAR * forces, 2 * self._least)
+        accepted = max(start.enough, min(5 * rounding, allowed))
+        self.converged = rounding <= allowed and self._solver.residual_bound(start.influence, root) <= accepted
+        self.is_uncertain = not self.converged
+
+
 class InterfaceSteps:
     """Steps on the interfaces of one model, from a base state until output needs the bodies.
 
@@ -252,36 +307,20 @@ class InterfaceSteps:
             On all ranks: no equilibrium at the interfaces, and so none of the full system, which is equivalent.
         """
         solver, jumps, points = self._solver, self._solver.jumps, self._gathered(carried)
-        base_jump, expected = jumps.of(carried.base), points.jump + dt * points.jump_rate + self._gained(state, dt)
+        expected = points.jump + dt * points.jump_rate + self._gained(state, dt)
         iterations, outer, uncertain = 0, 0, False
         for easing in self._equilibrium.easings:
             step = self._step(state, dt, easing)
-            compliance = solver.compliance(step)
-            solver.clear_history()
-            begin = solver.tractions(step, expected)
-            if begin is None:
-                return None
-            driven = base_jump - expected
-            for path, part in self._grown(carried.since, step.time):
-                driven += part * path.answer(compliance)[1]
-            sticking = blockwise_product(compliance.stuck, expected - base_jump)
-            driven -= compliance.jumps_under(traction_change(begin.value, points.base_traction, sticking))
-            forces, least = self._sizes(step, expected)
-            start = Start(compliance, expected, driven, max(TOLERANCE * forces, least))
-            root = solver.balance(step, start)
-            iterations, outer = iterations + solver.iterations, outer + solver.outer
-            if root is None:
-                continue
-            uncertain, ends = True, expected + root.e
-            forces, rounding = self._sizes(step, ends)
-            # Unsupported bodies fly far: rounding counts in proportion to the forces.
-            allowed = max(FAR * forces, 2 * least)
-            accepted = max(start.enough, min(5 * rounding, allowed))
-            if rounding <= allowed and solver.residual_bound(compliance, root) <= accepted:
+            bodies = DeferredBodies(self, solver, carried, points, expected)
+            balanced = solver.iterate(step, bodies)
+            iterations, outer, uncertain = (
+                iterations + solver.iterations, outer + solver.outer, uncertain or bodies.is_uncertain
+            )  # fmt: skip
+            if balanced:
                 return InterfaceSolution(
                     step.driven, np.zeros(0), {name: response.state for name, response in step.responses.items()}, dt,
                     iterations, outer, list(solver.history), 0.0, self._equilibrium.answers,
-                    jumps={name: jumps.pick(ends, name) for name in step.responses},
+                    jumps={name: jumps.pick(bodies.ends, name) for name in step.responses},
                     tractions={name: response.traction for name, response in step.responses.items()},
                 )  # fmt: skip
         if not uncertain:
@@ -330,9 +369,9 @@ class InterfaceSteps:
         forces = (jumps.force(-pull, len(carried.base)) for pull in pulls)
         displacement, velocity = compliance.solve_each(forces, 2)
         displacement += carried.base
-        for path, part in self._grown(carried.since, state.time):
+        for path, part in self.grown(carried.since, state.time):
             displacement += part * path.answer(compliance)[0]
-        for path, part in self._grown(carried.before, state.time):
+        for path, part in self.grown(carried.before, state.time):
             velocity += part / (state.time - carried.before) * path.answer(compliance)[0]
         free = ~model.loads.prescribed
         state.displacement[free] = displacement[free]  # driven edges have their prescribed position bitwise
@@ -343,7 +382,7 @@ class InterfaceSteps:
         """Return a step for its interfaces only."""
         return Step(self._equilibrium, state, dt, None, np.zeros(0), easing)
 
-    def _grown(self, start: float, end: float) -> Iterator[tuple[LoadPath, float]]:
+    def grown(self, start: float, end: float) -> Iterator[tuple[LoadPath, float]]:
         """Yield the loads and motions that have changed between two times [s], and the changes of their amounts."""
         for path in self._load_paths:
             part = path.grown(start, end)
@@ -355,7 +394,7 @@ class InterfaceSteps:
         stacked = {name: np.stack(points, axis=2) for name, points in carried.points.items()}
         return CarriedPoints(*np.moveaxis(self._solver.jumps.gather(stacked), 2, 0))
 
-    def _sizes(self, step: Step, jump: np.ndarray) -> tuple[float, float]:
+    def sizes(self, step: Step, jump: np.ndarray) -> tuple[float, float]:
         """Return norms of the forces of interfaces and of their rounding [N]; collective."""
         ours = step.at_interfaces({f.name: self._solver.jumps.pick(jump, f.name) for f in self._model.faults})
         carried, stiff = np.sqrt(parallel.total(self._model.comm, list(ours)))
