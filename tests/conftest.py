@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import resource
@@ -17,6 +18,9 @@ import matplotlib
 import pytest
 import typer.testing
 
+# Modules, cases and parameters stay until the end: to look for garbage among them took a sixth of the time of tests.
+gc.disable()  # until all are collected, see `pytest_collection_finish`
+gc.set_threshold(10_000, 10, 10)
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 for name in ("COLUMNS", "LINES"):  # of a terminal, or 80 in each of several processes; tests give a width of their own
     os.environ.pop(name, None)
@@ -152,6 +156,11 @@ class Skips:
             terminalreporter.line(f"{number:5d}  {reason}")
         for reason in self.refused():
             terminalreporter.line(f"not among ALLOWED_SKIPS of tests/conftest.py: {reason}", red=True)
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 def cpu_time() -> float:
