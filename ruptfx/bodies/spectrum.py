@@ -140,7 +140,7 @@ _known: WeakKeyDictionary[Vibrating, dict[tuple[str, ...], float]] = WeakKeyDict
 """By model and what counts: damping and the step ask for the same."""
 
 
-def _lanczos(model: Vibrating, springs: Sequence[Springs]) -> float:
+def _lanczos(model: Vibrating, springs: Sequence[Springs]) -> float:  # noqa: C901
     root = np.sqrt(model.free_inverse_mass())
     later = np.zeros(model.nodes)
     for each in springs:

@@ -80,7 +80,7 @@ def declared(cls: type[Part], seed: int) -> Table:
     return values
 
 
-def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool = False) -> Table:
+def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool = False) -> Table:  # noqa: C901
     """Return a table of a case with a value for every field.
 
     Parameters

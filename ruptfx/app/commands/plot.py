@@ -33,7 +33,7 @@ def figures() -> list[str]:
     return list(plots.FIGURES)
 
 
-def plot(
+def plot(  # noqa: C901
     run: Annotated[Path, typer.Argument(help="Run or study directory.", autocompletion=runs, show_default=False)],
     format_: Annotated[list[str], typer.Option(
         "--format", metavar="<png|pdf|svg>", help="File type; repeatable.")] = ["png"],  # noqa: B006

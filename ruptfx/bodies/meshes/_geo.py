@@ -99,7 +99,7 @@ def _readings(path: Path) -> dict[Path, bool]:
     return merged
 
 
-def _scan(path: Path, directory: Path) -> list[Path]:
+def _scan(path: Path, directory: Path) -> list[Path]:  # noqa: C901
     """Scan a script and return the scripts that it reads."""
     text = path.read_bytes().decode("latin-1")
     items: list[Path] = []

@@ -25,7 +25,7 @@ class Geometry(Protocol):
 
     def addDisk(self, x: float, y: float, z: float, half_width: float, half_height: float, /) -> int: ...
 
-    def rotate(
+    def rotate(  # noqa: PLR0913
         self, entities: list[Entity], x: float, y: float, z: float, ax: float, ay: float, az: float, angle: float, /
     ) -> None: ...
 

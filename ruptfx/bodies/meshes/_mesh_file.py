@@ -154,7 +154,7 @@ def read(path: Path, trust: bool, sides: Mapping[str, list[str]], names: Mapping
                     mesh.points[others])  # fmt: skip
 
 
-def _load(path: Path, trust: bool) -> Mesh:
+def _load(path: Path, trust: bool) -> Mesh:  # noqa: C901
     """Return the mesh as meshio has it; of files that meshio cannot read, as Gmsh writes it again."""
     import meshio
 

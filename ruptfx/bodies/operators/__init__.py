@@ -254,14 +254,14 @@ class FusedOperator(Operator, Protocol):
         Nodes shared with other ranks are always left to the caller.
         """
 
-    def step_boundary(
+    def step_boundary(  # noqa: PLR0913
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
         inelastic: Inelastic | None = None,
     ) -> float:
         """Compute the first part of a step, as `MatrixFree.step`: elements at nodes shared with other ranks."""
 
-    def step_interior(
+    def step_interior(  # noqa: PLR0913
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
         inelastic: Inelastic | None = None,

@@ -210,7 +210,7 @@ class MatrixFree:
         latest = np.minimum.accumulate(block_of[batches].min(axis=1)[::-1])[::-1]
         return np.searchsorted(latest, np.arange(self._blocks), side="right").astype(np.int32)
 
-    def step(
+    def step(  # noqa: PLR0913
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
         inelastic: Inelastic | None = None,
@@ -245,7 +245,7 @@ class MatrixFree:
         arrays = displacement, velocity, force, inverse_mass
         return self._run(0, self._blocks, arrays, dt, decay, energy, damped, inelastic)
 
-    def step_boundary(
+    def step_boundary(  # noqa: PLR0913
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
         inelastic: Inelastic | None = None,
@@ -259,7 +259,7 @@ class MatrixFree:
         arrays = displacement, velocity, force, inverse_mass
         return self._run(0, self._boundary_blocks, arrays, dt, decay, energy, damped, inelastic)
 
-    def step_interior(
+    def step_interior(  # noqa: PLR0913
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
         inelastic: Inelastic | None = None,
@@ -268,7 +268,7 @@ class MatrixFree:
         arrays = displacement, velocity, force, inverse_mass
         return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy, damped, inelastic)
 
-    def _run(
+    def _run(  # noqa: PLR0913
         self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float,
         energy: np.ndarray | None, damped: Damped | None, inelastic: Inelastic | None,
     ) -> float:  # fmt: skip

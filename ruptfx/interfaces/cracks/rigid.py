@@ -315,7 +315,7 @@ class RigidCracks(CrackStep):
             *((ctypes.c_void_p(None),) * 2 if damped is None else map(address, (damped.force, damped.lost))),
         )  # fmt: skip
 
-    def hold(
+    def hold(  # noqa: PLR0913
         self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray,
         vertices: np.ndarray | None = None, losses: np.ndarray | None = None,
     ) -> None:

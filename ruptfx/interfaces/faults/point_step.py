@@ -249,7 +249,7 @@ def next_iterate(
     )
 
 
-def next_rate(
+def next_rate(  # noqa: PLR0913
     rate: Any, low: Any, high: Any, residual: Any, slope: Any, impedance: Any, spread: Any, bisects: Any
 ) -> Any:
     """Return the next V: a Newton step in V where the impedance dominates, in the logarithm of the rate elsewhere.
@@ -281,7 +281,7 @@ class Sliding:
     shear_traction: Vector
 
 
-def sliding(
+def sliding(  # noqa: PLR0913
     trial: ShiftedTrial, shear: Vector, before: Vector, rate: Array, rate_now: Array, direction: Vector, *,
     is_open: Any, is_stuck: Any, at_end: bool,
 ) -> Sliding:  # fmt: skip

@@ -184,7 +184,7 @@ class TracedLaw:
             to_numpy({**self.outputs, **self.slopes}, [*items, *self.start]),
         )
 
-    def __call__(
+    def __call__(  # noqa: PLR0913
         self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
         *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
         extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
@@ -344,7 +344,7 @@ def explain(
     return ProjectionError(f"{law.kind()}: {reason}; interface point {point} {where}: {listed}")
 
 
-def project(
+def project(  # noqa: PLR0913
     law: TracedLaw,
     state: Mapping[str, np.ndarray],
     trial_normal: np.ndarray,

@@ -58,7 +58,7 @@ def _headers(path: Path, lines: list[str]) -> dict[str, float]:
 
 
 @read_once
-def _read(file: str, rise_time: float | None, rupture_speed: float | None) -> Model:
+def _read(file: str, rise_time: float | None, rupture_speed: float | None) -> Model:  # noqa: C901
     path = Path(file)
     lines = text_of(path).splitlines()
     header = _headers(path, lines)

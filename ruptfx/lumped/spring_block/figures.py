@@ -30,7 +30,7 @@ def _breaks(dataset: xarray.Dataset) -> Breaks:
     return Breaks(time, block, count, dataset.attrs["delay"], dataset.contacts.values)
 
 
-def _map(
+def _map(  # noqa: PLR0913
     figure: Figure, ax: Axes, data: xarray.DataArray, label: str, cmap: str, extend: str = "neither",
     vmin: float | None = None, vmax: float | None = None,
 ) -> None:

@@ -132,7 +132,7 @@ class Trajectory:
         return self.y[:, -1]
 
 
-def integrate(
+def integrate(  # noqa: PLR0913
     slider: Slider, start: np.ndarray, times: np.ndarray, drive: Signal, normal_force: Signal | None = None,
     rtol: float = 1e-8, longest_step: float = np.inf, stop_at: float | None = None,
 ) -> Trajectory:

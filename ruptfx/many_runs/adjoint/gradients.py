@@ -277,7 +277,7 @@ class Objective:
         return xarray.Dataset(data, coordinates, about)
 
 
-def gradient(
+def gradient(  # noqa: PLR0913
     case: Case, objective: Sequence[Misfit] | Misfit | None = None, unknowns: Sequence[Unknown | str] = (),
     comm: fem.MPI.Comm | None = None, progress: bool = True, memory: float = LARGEST, check: bool = False, *,
     cores: int = 1, scheduler: str | None = None,

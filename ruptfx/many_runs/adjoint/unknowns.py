@@ -178,7 +178,7 @@ def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Float
     return result
 
 
-def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
+def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:  # noqa: C901
     of_case = model.placed[fault.name]
     key = f"faults.{fault.name}"
     initial_stress = of_case.initial_stress

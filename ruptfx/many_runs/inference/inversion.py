@@ -348,7 +348,7 @@ class Inversion:
                                each.best.max(), *interval, "yes" if each.at_bound else "no"])  # fmt: skip
 
 
-def infer(
+def infer(  # noqa: PLR0913
     case: Case, out: str | Path, comm: fem.MPI.Comm | None = None, progress: bool = True, memory: float = LARGEST, *,
     cores: int = 1, ranks: int = 1, scheduler: str | None = None,
 ) -> Result:  # fmt: skip

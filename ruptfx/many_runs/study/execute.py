@@ -39,7 +39,7 @@ class Outcome:
         return sum(result["status"] == "failed" for _, result in self.points)
 
 
-def run_study(
+def run_study(  # noqa: PLR0913
     study: Study,
     out: str | Path,
     *,

@@ -125,7 +125,7 @@ def _is(node: Any, value: float) -> bool:
     return bool(node.op == "constant" and node.args[0] == value)
 
 
-def apply(op: str, *inputs: Any) -> Expression:
+def apply(op: str, *inputs: Any) -> Expression:  # noqa: C901
     """Return a new node, simplified if an argument is 0 or 1 (frequent in derivatives).
 
     Raises

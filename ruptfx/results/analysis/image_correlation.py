@@ -234,7 +234,7 @@ def _of_bodies(record: Record, moved: Array, pixels: int) -> Iterator[list[Array
         yield [raster(part) for part in moved.T]
 
 
-def experiment(
+def experiment(  # noqa: PLR0913
     record: Record, row: int, pixel: float, subset: int = 21, window: int | None = None, noise: float = 2.0,
     speckle_size: float = 4.0, seed: int = 0, since: int | None = None,
 ) -> xarray.Dataset:

@@ -152,7 +152,7 @@ class Zones:
         return self.stop - self.start
 
 
-def classify(
+def classify(  # noqa: PLR0913
     slip_rate: Array,
     time: Array,
     position: Array,

@@ -86,7 +86,7 @@ def peak_is_resolved(slip_rate: Array, position: Array) -> bool | None:
     return bool(short.sum() <= PEAK_NOISE * whole.sum()) if whole.any() else None
 
 
-def find_doubts(
+def find_doubts(  # noqa: PLR0913
     slip_rate: Array,
     time: Array,
     way: Array,

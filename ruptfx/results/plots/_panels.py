@@ -20,7 +20,7 @@ HIGHEST = 9.0  # inch: a page
 _last: list[tuple[Array, Array, Raster]] = []
 
 
-def panels(
+def panels(  # noqa: PLR0913
     sheet: Sheet,
     record: Files,
     at: float | Sequence[float] | None,

@@ -106,7 +106,7 @@ def draw(
     return drawn
 
 
-def contours(
+def contours(  # noqa: PLR0913
     ax: Axes, data: Data, times: Array, levels: Array, colour: str = "#1a1a1a", style: str = "solid",
     labels: bool = True, lengths: Lengths | None = None, largest: float = np.inf,
 ) -> None:  # fmt: skip

@@ -78,7 +78,7 @@ class FaultResponse:
         self._threshold = threshold
         self._state: FaultState | None = None
 
-    def __call__(
+    def __call__(  # noqa: PLR0913
         self,
         state: FaultState,
         jump: np.ndarray,

@@ -132,7 +132,7 @@ def _nucleation_position(model: System, fault: Fault, rest: _AtRest) -> float | 
     return np.asarray(places[rest.slips].mean(axis=0)) if rest.slips.any() and not rest.slips.all() else None
 
 
-def _rows_at(
+def _rows_at(  # noqa: PLR0913
     model: System, fault: Fault, sides: Sides, rest: _AtRest, lengths: Breakdown | RateDependence | None, rate: float,
     point: int, spacing: float,
 ) -> Iterator[Row]:  # fmt: skip
@@ -342,7 +342,7 @@ def _at(lengths: AnyLengths, point: int) -> AnyLengths:
     return replace(lengths, **{name: float(value[point] if value.ndim else value) for name, value in numbers.items()})
 
 
-def _breakdown_rows(
+def _breakdown_rows(  # noqa: PLR0913
     label: str, law: Breakdown, tau: float, note: str, modulus: float, speeds: WaveSpeeds, spacing: float, fault: Fault,
     model: System, where: str,
 ) -> Iterator[Row]:
