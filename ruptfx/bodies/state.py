@@ -38,6 +38,8 @@ class State:
         Frictional forces between colliding cells; empty without `[collisions]`.
     attached : dict of str to dict of ndarray
         Fields of attachments at their nodes, by name of the attachment.
+    fluids : dict of str to dict of ndarray, shape (n, columns)
+        Memory of the fields of interfaces, by fault: heat and pressure beside them, past power.
     memory : dict of ndarray
         State of materials with memory at the points of elements, by name of the body.
     wants_energies : bool
@@ -64,6 +66,7 @@ class State:
     points: dict[str, FaultState] = field(default_factory=dict)
     pairs: FaultState = field(default_factory=dict)
     attached: dict[str, FaultState] = field(default_factory=dict)
+    fluids: dict[str, FaultState] = field(default_factory=dict)
     memory: FaultState = field(default_factory=dict)
     lazy_bodies: bool = False
     deferred: bool = False

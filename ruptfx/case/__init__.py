@@ -41,8 +41,10 @@ from ruptfx.interfaces.attachments import AnyAttachment
 from ruptfx.interfaces.collisions import AnyCollisions
 from ruptfx.interfaces.cracks import AnyFracture
 from ruptfx.interfaces.faults.initial_stress import InitialStress
+from ruptfx.interfaces.pore_pressure import AnyPorePressure
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.interfaces.slip_histories import AnySlipHistory
+from ruptfx.interfaces.temperature import AnyTemperature
 from ruptfx.laws.cohesion import AnyCohesion
 from ruptfx.laws.contact import AnyContact
 from ruptfx.laws.friction import AnyFriction, FrictionLaw
@@ -61,7 +63,7 @@ if TYPE_CHECKING:
 FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
     "attachments", "steppers", "instruments", "misfits", "profiles", "phases", "cameras", "initial_stress",
-    "stop_rules", "slip_histories",
+    "stop_rules", "slip_histories", "pore_pressure", "temperature",
 ]  # fmt: skip
 
 
@@ -89,8 +91,12 @@ class FaultCase(Part):
     need not match."""
     nucleation: list[AnyNucleation] = []
     """Nucleation of the rupture; entries act together."""
+    pore_pressure: list[AnyPorePressure] = []
+    """Pore pressure, subtracted from the normal stress in the friction law; entries add up."""
+    temperature: list[AnyTemperature] = []
+    """Temperature of the interface, which friction laws may read; entries add up."""
 
-    @field_validator("nucleation", "prescribed_slip", mode="before")
+    @field_validator("nucleation", "prescribed_slip", "pore_pressure", "temperature", mode="before")
     @classmethod
     def _as_list(cls, value: object) -> object:
         return [value] if isinstance(value, dict) else value
@@ -328,6 +334,10 @@ class Case(CaseFile):
                 choices[f"faults.{name}.prescribed_slip"] = type(fault)
         if self.mesh.along_strike is not None:
             choices["mesh.along_strike"] = type(self.mesh.along_strike)
+            choices |= {
+                f"faults.{name}.{field}": type(fault) for field in ("pore_pressure", "temperature")
+                if getattr(fault, field)
+            }  # fmt: skip
         choices |= {key: type(boundary) for key, boundary in self.all_boundaries()}
         choices |= {f"attachments.{number}": type(each) for number, each in enumerate(self.attachments)}
         for key, damping in self.all_dampings():

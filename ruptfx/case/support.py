@@ -411,6 +411,11 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
     Row("cohesion", NOT_FOR, swap=BY_STEPPER, drop=("cohesion",)),
     Row("cohesion", "an interface with {other} has no cohesion", beside="gap", of_one_fault=True,
         drop=("cohesion", "gap")),
+    *(Row(feature, "bodies that break have interfaces without pore pressure and temperature", beside="fracture",
+          drop=(feature, "fracture")) for feature in ("pore_pressure", "temperature")),
+    *(Row(feature, "surfaces that slide have no pore pressure and no temperature, which would move with either side",
+          beside="sliding", of_one_fault=True, drop=(feature, "sliding"))
+      for feature in ("pore_pressure", "temperature")),
     Row("gap", "the interfaces of {stepper} stay closed", swap=BY_STEPPER, drop=("gap",)),
     *(Row("prescribed_slip", reason, beside=other, of_one_fault=True, drop=("prescribed_slip", other))
       for other, reason in {
@@ -448,7 +453,7 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
         needs="adjoint", shown="stepper", swap=BY_STEPPER, drop=("objective",)),
     *(Row(feature, NO_ADJOINT, beside="objective", drop=(feature, "objective")) for feature in (
         "sliding", "cohesion", "prescribed_slip", "stages", "large_rotations", "fracture", "collisions", "ties",
-        "attachments")),
+        "attachments", "pore_pressure", "temperature")),
     Row("memory", NO_ADJOINT, beside="objective", swap=("memory",), drop=("objective",)),
 )  # fmt: skip
 """The table of features and capabilities, with rules for what two or three parts say of each other."""

@@ -213,6 +213,14 @@ FIELDS = (
     Field("mean_slip_rate", "m/s", "mean slip rate of a step, which updates slip", True, recorded=False),
     Field("shear_traction", "Pa", "shear traction", tangential=True),
 )
+INTERFACE_FIELDS = {field.name: field for field in (
+    Field("pore_pressure", "Pa", "pore pressure"),
+    Field("pore_pressure_rate", "Pa/s", "rate of the pore pressure over a step"),
+    Field("temperature", "K", "temperature"),
+    Field("temperature_rate", "K/s", "rate of the temperature over a step"),
+    Field("frictional_heat", "J/m2", "heat of friction per area since the start"),
+)}  # fmt: skip
+"""Fields of an interface beside contact, friction and cohesion, which friction laws have among their states."""
 DERIVED = (Field("displacement_jump", "m", "tangential displacement jump", tangential=True),)
 """Fields of the file that are not in the state."""
 OF_SLIDING = (

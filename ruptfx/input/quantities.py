@@ -30,6 +30,8 @@ _SYMBOLS: dict[str, tuple[Fraction, dict[str, int]]] = {
     "Pa": (Fraction(1), {"kg": 1, "m": -1, "s": -2}),
     "bar": (Fraction(10**5), {"kg": 1, "m": -1, "s": -2}),
     "J": (Fraction(1), {"kg": 1, "m": 2, "s": -2}),
+    "K": (Fraction(1), {"K": 1}),
+    "W": (Fraction(1), {"kg": 1, "m": 2, "s": -3}),
     "rad": (Fraction(1), {"rad": 1}),
     "deg": (Fraction(3.141592653589793) / 180, {"rad": 1}),
     "%": (Fraction(1, 100), {}),

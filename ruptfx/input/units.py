@@ -54,6 +54,11 @@ FringeConstant = Annotated[float, Field(gt=0), Unit("N/m")]
 Stiffness = Annotated[float, Field(gt=0), Unit("Pa/m")]
 Rate = Annotated[float, Field(ge=0), Unit("1/s")]
 Frequency = Annotated[float, Field(gt=0), Unit("1/s")]
+Width = Annotated[float, Field(ge=0), Unit("m")]
+HeatCapacity = Annotated[float, Field(gt=0), Unit("J/m3 K")]
+PressurePerTemperature = Annotated[float, Field(gt=0), Unit("Pa/K")]
+Viscosity = Annotated[float, Field(gt=0), Unit("Pa s")]
+Compressibility = Annotated[float, Field(gt=0), Unit("1/Pa")]
 Fraction = Annotated[float, Field(gt=0, le=1), Unit("1")]
 
 if TYPE_CHECKING:
@@ -81,6 +86,9 @@ if TYPE_CHECKING:
     VaryingDelay = Varying
     VaryingInstant = Varying
     VaryingDrag = Varying
+    VaryingTemperature = Varying
+    VaryingDiffusivity = Varying
+    VaryingPermeability = Varying
 else:
     VaryingStress = varying(float, "Pa")
     VaryingPressure = varying(NonNegative, "Pa")
@@ -104,3 +112,6 @@ else:
     VaryingDelay = varying(NonNegative, "s")
     VaryingInstant = varying(float, "s")
     VaryingDrag = varying(NonNegative, "1/m")
+    VaryingTemperature = varying(Positive, "K")
+    VaryingDiffusivity = varying(Positive, "m2/s")
+    VaryingPermeability = varying(Positive, "m2")

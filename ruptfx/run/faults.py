@@ -14,6 +14,7 @@ from ruptfx.input.profiles.places import Place, located, parts, patches, positio
 from ruptfx.input.profiles.rim import Patch
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.fields import FaultFields
 from ruptfx.interfaces.faults.interface import Interface, build_interface
 from ruptfx.interfaces.faults.nearest import nearest_on_line, nearest_on_surface
 from ruptfx.interfaces.faults.prescribed_slip import History, PrescribedSlip
@@ -52,13 +53,15 @@ def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[
         face = replace(face, weight=2 * np.pi * radius * face.weight)
     _check_positions(case, name, face, fault)
     fault = located(fault, lambda key, place: _position_of(model, face, key, place), f"faults.{name}")
+    fields = _bound_fields(model, face, name, fault)
     error, deepest = None, 0.0 if face.across is None else float(face.across.max(initial=0.0))
     width = parallel.largest(model.comm, deepest)
     try:
-        law, contact = fault.law.at(face.locations), fault.contact.at(face.locations)
+        law, contact = fields.surrounding(fault.law.at(face.locations)), fault.contact.at(face.locations)
         normal, shear = fault.initial_stress.tractions(face, law, case.initial_stress)
         if fault.friction is None:
             normal = np.nan_to_num(normal)  # nothing depends on it
+        fields.require_closed(normal, face.position)
         prescribed = _prescribed(case, face, fault, width)
         for nucleation in fault.nucleation:
             nucleation.at(face.locations)  # refuses bad profiles before the first step
@@ -83,7 +86,8 @@ def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[
         after = max(first_begun(fault.nucleation)[0], 0.0)
     direction = fault.initial_stress.directions(normal, shear)
     made = Fault(
-        name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after, prescribed
+        name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after, prescribed,
+        fields,
     )
     try:
         made.require_strength()
@@ -136,6 +140,27 @@ def _prescribed(case: Case, face: Interface, fault: FaultCase, width: float) -> 
             "time (ramp, smoothing, or samples that begin and end at rest), or use a stepper without inertia"
         )
     return slip
+
+
+def _bound_fields(model: System, face: Interface, name: str, fault: FaultCase) -> FaultFields:
+    """Return the fields of an interface from its entries; collective.
+
+    Raises
+    ------
+    CaseError
+        On all ranks.
+    """
+    contributions = []
+    for field in ("pore_pressure", "temperature"):
+        for number, entry in enumerate(getattr(fault, field)):
+            key, error, table = f"faults.{name}.{field}.{number}", None, entry
+            try:
+                table = entry.at(face.locations)
+            except CaseError as caught:  # of a profile, at the points of this rank
+                error = CaseError(f"{key}: {caught}")
+            parallel.raise_on_all(model.comm, error)
+            contributions.append(table.bind(model, face, key))
+    return FaultFields(contributions, len(face.plus))
 
 
 def _check_positions(case: Case, name: str, face: Interface, fault: FaultCase) -> None:

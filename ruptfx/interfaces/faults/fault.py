@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ruptfx.input.fields import FIELDS, MONITORS, component_names
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults import cohesive_interface
 from ruptfx.interfaces.faults.cohesive_interface import Losses, TracedCohesion
+from ruptfx.interfaces.faults.fields import FaultFields
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.prescribed_slip import PrescribedSlip
 from ruptfx.interfaces.faults.projection import TracedLaw, explain, least_strength
@@ -54,6 +55,8 @@ class Fault:
         Time from which ruptures count [s].
     prescribed : PrescribedSlip or None
         Slip that is given at some or all points, where friction does not act.
+    fields : FaultFields
+        Pore pressure and temperature; friction reads them.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Fault:
     cohesion: CohesiveLaw | None = None
     rupture_after: float = 0.0
     prescribed: PrescribedSlip | None = None
+    fields: FaultFields = field(default_factory=FaultFields)
 
     @property
     def slides(self) -> bool:
@@ -203,9 +207,9 @@ class Fault:
         values : dict of ndarray, shape (n,), tangential ones (n, tangents)
         """
         state: FaultState = {}
-        for field in FIELDS:
-            columns = values[field.name].T if field.tangential else values[field.name][None]
-            state |= {name: np.array(v, float) for name, v in zip(field.names(self.tangents), columns, strict=True)}
+        for each in FIELDS:
+            columns = values[each.name].T if each.tangential else values[each.name][None]
+            state |= {name: np.array(v, float) for name, v in zip(each.names(self.tangents), columns, strict=True)}
         return state
 
     def threshold_at(self, time: float, threshold: float) -> float:

@@ -132,6 +132,7 @@ class TracedLaw:
         self.start = {f"h_{name}": value for name, value in (old if at_end else half_way).items()}
         half_way = half_way if at_end else known
         steady = advance(old, speed_before, stress_before, FOR_EVER * dt)
+        steady |= {name: old[name] for name in sums}
         later = advance(steady, speed_before, stress_before, dt)
         new = dict(half_way)
         for name in (name for name in old if name not in sums):

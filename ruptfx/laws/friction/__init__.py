@@ -16,7 +16,7 @@ from pydantic import model_validator
 
 from ruptfx import RuptfxError, Table
 from ruptfx.input.fields import Array as Array
-from ruptfx.input.fields import reserved_names
+from ruptfx.input.fields import INTERFACE_FIELDS, reserved_names
 from ruptfx.input.schema import Alternative, alternative
 from ruptfx.laws.friction.lengths import Breakdown, RateDependence
 
@@ -27,9 +27,10 @@ AT_REST = 1e-100
 
 RESERVED = reserved_names() | {"weight", "gap", "time", "position", "x", "y", "z"}
 """What a fault and its files call their own: a state variable of that name would overwrite it."""
-COMMON = frozenset(["clock", "coefficient_at_start"])
+COMMON = frozenset(["clock", "coefficient_at_start", *INTERFACE_FIELDS])
 """State variables that are the same whichever law keeps them, so that a law may hold one that has them too: the time
-since the start [s], and the friction coefficient of the innermost law before the first slip."""
+since the start [s], the friction coefficient of the innermost law before the first slip, and fields of the interface
+such as `temperature` [K], which the interface sets where it has the field."""
 
 
 class FrictionLaw(Alternative):
@@ -150,5 +151,5 @@ if TYPE_CHECKING:
 else:
     AnyFriction = alternative("ruptfx.laws.friction")
 
-SHARED = ("lengths", "rate_and_state_base")
+SHARED = ("in_fields", "lengths", "rate_and_state_base")
 """Files of this folder that are no kinds."""

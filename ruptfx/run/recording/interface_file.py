@@ -9,7 +9,7 @@ import h5netcdf
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.input.fields import MONITORS, PLACE, Field
+from ruptfx.input.fields import INTERFACE_FIELDS, MONITORS, PLACE, Field
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.run.recording.growing_file import GrowingFile
 
@@ -58,7 +58,9 @@ class InterfaceFile(GrowingFile):
             for name in field.names(fault.tangents) if field.recorded else ():
                 _variable(file, name, ("time", axis), field.unit, field.long_name, meanings=field.meanings)
         for name, unit in fault.state_fields().items():
-            _variable(file, name, ("time", axis), unit, f"state variable {name}")
+            known = INTERFACE_FIELDS.get(name)
+            text = f"state variable {name}" if known is None else known.long_name
+            _variable(file, name, ("time", axis), unit, text)
         for monitor in MONITORS:
             _variable(file, monitor.name, (axis,), monitor.unit, monitor.long_name)
         file.attrs.update(attributes)

@@ -40,6 +40,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.bodies.state import State
 from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.faults.fields import plan_fields
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.mechanisms import responding
 from ruptfx.interfaces.sliding.follower import StepFollower
@@ -154,6 +155,7 @@ class Equilibrium(Terms):
         CaseError
             On all ranks: unused PETSc options.
         """
+        plan_fields(self.model.faults, state, dt)
         load = self.forces.load(state.time + dt) + added
         u = (state.displacement if guess is None else guess).copy()
         if not self._followers:
@@ -263,6 +265,7 @@ class Equilibrium(Terms):
         ProjectionError
             On all ranks: an interface without an admissible traction.
         """
+        plan_fields(self.model.faults, state, dt)
         step = Step(self, state, dt, None, np.zeros_like(u), 1.0)
         step.evaluate(u)
         parallel.raise_on_all(self.model.comm, step.error)

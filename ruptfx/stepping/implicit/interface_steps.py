@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ruptfx.interfaces.faults.fields import plan_fields
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.condensed import Condensed, Guess, Start, blockwise_product, traction_change
@@ -306,6 +307,7 @@ class InterfaceSteps:
         ConvergenceError
             On all ranks: no equilibrium at the interfaces, and so none of the full system, which is equivalent.
         """
+        plan_fields(self._model.faults, state, dt)
         solver, jumps, points = self._solver, self._solver.jumps, self._gathered(carried)
         expected = points.jump + dt * points.jump_rate + self._gained(state, dt)
         iterations, outer, uncertain = 0, 0, False

@@ -181,6 +181,7 @@ class FaultResponse:
             load_old, load = fault.load(time - dt), fault.load(time)
             rate_old, rate = (fault.components(fields, "mean_slip_rate") for fields in (old, new))
             worked = float(area @ np.asarray(fault.contact.dissipated(load_old, load, rate_old, rate)).sum(axis=1)) * dt
+        fault.fields.complete(fault, state, old, new, dt, time, self.radiation)
         state.add_energy(fault.name, "frictional_dissipation", dissipated)
         state.add_energy(fault.name, PRESCRIBED, prescribed)
         state.add_energy(fault.name, "impact_loss", impact)

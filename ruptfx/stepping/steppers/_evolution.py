@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ruptfx.interfaces.faults.projection import parameters_as_symbols
+from ruptfx.interfaces.faults.fields import Heating
+from ruptfx.interfaces.faults.projection import StrengthAtState, parameters_as_symbols
 from ruptfx.laws.friction import FrictionLaw, LawState
+from ruptfx.laws.friction.in_fields import InFields, rate_of
 from ruptfx.laws.friction.rate_and_state_base import RateAndState
 from ruptfx.platform.codegen.tracing import constant, derivative, record, symbol, to_numpy
 from ruptfx.stepping.steppers.quasi_static import slip_to_resolve
 
 if TYPE_CHECKING:
+    from ruptfx.bodies.state import State
     from ruptfx.interfaces.faults.fault import Fault
     from ruptfx.interfaces.mechanisms.system import System
 
@@ -34,6 +37,9 @@ class Evolution(Protocol):
     columns: int
     D_c: np.ndarray
 
+    def begin(self, state: State, dt: float) -> None:
+        """Prepare a step of the length `dt` [s] from a state; collective."""
+
     def variables(self, state: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the variables of a state, shape (n, columns)."""
         ...
@@ -53,7 +59,7 @@ class Evolution(Protocol):
         ...
 
 
-class Age:
+class Age(Evolution):
     """The logarithm of an age theta of which the law knows the rate; its absolute error is tolerated."""
 
     columns = 1
@@ -77,7 +83,7 @@ class Age:
         return wrong
 
 
-class AnyState:
+class AnyState(Evolution):
     """The state variables of any law; their rates are the derivatives of `FrictionLaw.advance` at the step zero.
 
     The errors are those of the friction coefficient.
@@ -122,9 +128,64 @@ class AnyState:
         return values
 
 
+class WithFields(Evolution):
+    """The states of a law in the fields of an interface: those of the law, the heat of a step and its time.
+
+    The fields follow from the heat and the time by their exact solutions (`FaultFields.values`). Their tolerated error
+    is that of a constant power over the step, although the power is linear, over the normal stress.
+    """
+
+    def __init__(self, fault: Fault, inner: Evolution) -> None:
+        self._fault, self._inner = fault, inner
+        self._strength = StrengthAtState(fault.friction)
+        self.columns, self.D_c = inner.columns + 2, inner.D_c
+
+    def begin(self, state: State, dt: float) -> None:
+        self._memory, self._time = state.fluids[self._fault.name], state.time
+        self._begun = state.faults[self._fault.name]
+        self._fault.fields.prepare(self._memory, state.time, dt)
+
+    def variables(self, state: Mapping[str, np.ndarray]) -> np.ndarray:
+        inner = self._inner.variables(state)
+        return np.column_stack([inner, np.zeros((len(inner), 2))])
+
+    def _heating(self, variables: np.ndarray) -> Heating:
+        elapsed = float(variables[:, -1].max(initial=0.0))
+        return Heating(self._memory["power"][:, 0], variables[:, -2], elapsed)
+
+    def state(self, variables: np.ndarray) -> LawState:
+        heating = self._heating(variables)
+        fields = self._fault.fields.values(self._memory, self._time, heating)
+        step = heating.elapsed or 1.0
+        rates = {rate_of(name): (values - self._begun[name]) / step for name, values in fields.items()}
+        known = {**self._inner.state(variables[:, :-2]), **fields, **rates}
+        heat = {"frictional_heat": self._begun["frictional_heat"] + heating.heat} if self._fault.fields.is_heated else {}
+        return {**known, **heat}
+
+    def rates(self, state: LawState, slip_rate: np.ndarray, normal_stress: np.ndarray) -> np.ndarray:
+        inner = self._inner.rates(state, slip_rate, normal_stress)
+        power = self._strength(slip_rate, normal_stress, state)[0] * slip_rate
+        return np.column_stack([inner, power, np.ones_like(power)])
+
+    def errors(
+        self, variables: np.ndarray, wrong: np.ndarray, slip_rate: np.ndarray, normal_stress: np.ndarray
+    ) -> np.ndarray:
+        inner = self._inner.errors(variables[:, :-2], wrong[:, :-2], slip_rate, normal_stress)
+        heating = self._heating(variables)
+        uncertain = self._fault.fields.uncertainty(self._memory, heating) / normal_stress
+        return np.column_stack([inner, uncertain, np.zeros_like(uncertain)])
+
+
 def evolution_of(model: System, fault: Fault) -> Evolution:
     """Return the evolution of the state of a fault; collective."""
+    evolution = _evolution_of_law(model, fault)
+    return WithFields(fault, evolution) if fault.fields else evolution
+
+
+def _evolution_of_law(model: System, fault: Fault) -> Evolution:
     law, points = fault.friction, len(fault.interface.plus)
+    if isinstance(law, InFields) and has_age(law.law):
+        law = law.law
     if has_age(law):
         assert isinstance(law, RateAndState)
         return Age(law, points)

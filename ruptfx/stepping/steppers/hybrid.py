@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from ruptfx.input.fields import component_names
 from ruptfx.input.units import Duration, Speed
+from ruptfx.interfaces.faults.fields import plan_fields
 from ruptfx.interfaces.faults.projection import ProjectionError
 from ruptfx.interfaces.mechanisms import StepEnd, responding
 from ruptfx.interfaces.sliding.follower import FIELDS as FOLLOWED
@@ -241,6 +242,7 @@ class HybridMotion:
         dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
         error = None
         end = StepEnd(state.displacement, dt)
+        plan_fields(self._slow.model.faults, state, dt)
         for mechanism in self._slow.equilibrium.mechanisms:
             mechanism.advance(state, end, mechanism.respond(state, end))
         for fault, fast in zip(self._slow.model.faults, self._fast.model.faults, strict=True):

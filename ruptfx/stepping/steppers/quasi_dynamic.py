@@ -189,6 +189,8 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
 
     def attempt(self, state: State, dt: float, halvings: int) -> Attempt:
         time = state.time
+        for fault in self.model.faults:
+            self._evolutions[fault.name].begin(state, dt)
         loaded, later = self._bodies.loaded_jump(time), self._bodies.loaded_jump(time + dt)
         growth = (later - loaded) / dt  # loads are linear in time over a step
 

@@ -187,6 +187,9 @@ class QuasiStaticMotion(SlowMotion["Solution"]):
             error = 0.5 * dt * np.linalg.norm(new - old, axis=1)
             error = error / (self.slip_tolerance + self._stepper.rate_tolerance * dt * speed)
             worst = max(worst, float(error.max(initial=0.0)))
+            worst = max(worst, fault.fields.error(
+                fault, state, solution.faults[fault.name], dt, self.radiation[fault.name]
+            ))  # fmt: skip
             if fault.cohesion is not None:
                 grown = solution.faults[fault.name]["damage"] - state.faults[fault.name]["damage"]
                 worst = max(worst, float(grown.max(initial=0.0)) / MOST_DAMAGE)

@@ -1,0 +1,268 @@
+"""Fields of an interface: pore pressure and temperature, which friction laws read.
+
+A field is the sum of contributions (`Contribution`), one for each entry of ``[faults.NAME.pore_pressure]`` and
+``[faults.NAME.temperature]``. A step has two parts. `FaultFields.plan` comes first: it extrapolates the heat of friction
+and sets the rates of the fields, which the friction law adds up over the step (`ruptfx.laws.friction.in_fields`).
+`FaultFields.complete` comes last: it computes the memory of the contributions with the heat of the step. Explicit steps
+call both through a mechanism, implicit steps through `FaultResponse`. Runge-Kutta steps evaluate the fields at any time
+in between with `FaultFields.values`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import RuptfxError
+from ruptfx.bodies.state import FaultState
+from ruptfx.input.schema import CaseError
+from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.friction.in_fields import InFields, rate_of
+
+if TYPE_CHECKING:
+    from ruptfx.bodies.state import State
+    from ruptfx.interfaces.faults.fault import Fault
+
+TOLERANCE = 1e-3
+"""Tolerated difference between the planned pressure of a step and that of its heat, over the normal stress."""
+
+
+@dataclass(frozen=True)
+class Heating:
+    """Heat of friction per area from the begin of a step to a time in it.
+
+    Attributes
+    ----------
+    power : ndarray, shape (n,)
+        Power of friction at the begin [W/m2].
+    heat : ndarray, shape (n,)
+        [J/m2].
+    elapsed : float
+        Time since the begin [s].
+    """
+
+    power: np.ndarray
+    heat: np.ndarray
+    elapsed: float
+
+    @property
+    def growth(self) -> np.ndarray:
+        """Change of the power until then [W/m2], if it is linear in time."""
+        return 2 * (self.heat / self.elapsed - self.power) if self.elapsed > 0 else np.zeros_like(self.heat)
+
+
+class Contribution:
+    """Contract of what adds to the fields of an interface; memories are arrays of shape (n, columns)."""
+
+    adds: tuple[str, ...] = ()
+    """Fields to which it adds."""
+    is_heated: bool = False
+    """Whether it depends on the heat of friction."""
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return its memory at the start of a run."""
+        return {}
+
+    def plan(self, memory: Mapping[str, np.ndarray], time: float, dt: float) -> None:
+        """Prepare the values of a step that begins at a time [s]; collective."""
+
+    def values(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> dict[str, np.ndarray]:
+        """Return its parts of the fields within a step that begins at a time [s], shapes (n,)."""
+        raise NotImplementedError
+
+    def advance(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> None:
+        """Set the memory to that at the end of a step that begins at a time [s]."""
+
+    def uncertainty(self, heating: Heating) -> np.ndarray | float:
+        """Return the estimated error of its pressure in a step [Pa], shape (n,)."""
+        return 0.0
+
+
+@dataclass
+class FaultFields:
+    """The fields of one interface, none by default.
+
+    Attributes
+    ----------
+    contributions : sequence of Contribution
+    points : int
+        Number of points of this rank.
+    """
+
+    contributions: Sequence[Contribution] = field(default_factory=list)
+    points: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.contributions)
+
+    @property
+    def is_heated(self) -> bool:
+        """True if the heat of friction changes a field."""
+        return any(each.is_heated for each in self.contributions)
+
+    def memory(self, power: np.ndarray) -> FaultState:
+        """Return the memory of all contributions at the start, from the power of friction [W/m2], shape (n,).
+
+        Arrays have the shape (n, columns).
+        """
+        own = {"power": power, "power_before": power, "step": np.zeros(self.points)}
+        memory = {name: values[:, None].copy() for name, values in own.items()}
+        for number, each in enumerate(self.contributions):
+            memory |= {f"{number}.{name}": values for name, values in each.memory().items()}
+        return memory
+
+    def initial(self) -> dict[str, np.ndarray]:
+        """Return the fields at the start of a run, shape (n,)."""
+        none = np.zeros(self.points)
+        return self.values(self.memory(none), 0.0, Heating(none, none, 0.0))
+
+    def surrounding(self, law: FrictionLaw) -> FrictionLaw:
+        """Return the law that reads the fields."""
+        return InFields.model_construct(law=law, initial=self.initial(), is_heated=self.is_heated) if self else law
+
+    def require_closed(self, normal_stress: np.ndarray, position: np.ndarray) -> None:
+        """Refuse an initial pressure that would open the interface.
+
+        Raises
+        ------
+        CaseError
+        """
+        pressure = self.initial().get("pore_pressure", np.zeros(self.points))
+        wrong = np.flatnonzero((pressure >= normal_stress) & (pressure > 0))
+        if len(wrong):
+            point = int(wrong[0])
+            raise CaseError(
+                f"pore_pressure: {pressure[point]:.6g} Pa at the start is not below the normal stress of "
+                f"{normal_stress[point]:.6g} Pa at position {position[point]:.6g} m ({len(wrong)} such points), and "
+                "would open the interface; reduce the pressure, or raise initial_stress.normal"
+            )
+
+    def values(self, memory: FaultState, time: float, heating: Heating) -> dict[str, np.ndarray]:
+        """Return the fields within a step that begins at a time [s], shape (n,)."""
+        fields: dict[str, np.ndarray] = {}
+        for each, own in self._with_memory(memory):
+            for name, values in each.values(own, time, heating).items():
+                fields[name] = fields.get(name, 0.0) + values
+        return fields
+
+    def _with_memory(self, memory: FaultState) -> Iterator[tuple[Contribution, FaultState]]:
+        """Yield the contributions with their parts of the memory."""
+        for number, each in enumerate(self.contributions):
+            begin = f"{number}."
+            yield each, {key.removeprefix(begin): values for key, values in memory.items() if key.startswith(begin)}
+
+    def prepare(self, memory: FaultState, time: float, dt: float) -> None:
+        """Prepare the values of a step that begins at a time [s]; collective."""
+        for each, own in self._with_memory(memory):
+            each.plan(own, time, dt)
+
+    def plan(self, fault: Fault, state: State, dt: float) -> None:
+        """Set the rates of the fields over a step of the length `dt` [s] with an extrapolated heat; collective."""
+        if not self:
+            return
+        memory, fields, time = state.fluids[fault.name], state.faults[fault.name], state.fault_time
+        self.prepare(memory, time, dt)
+        values = self.values(memory, time, self._extrapolated(memory, dt))
+        for name, end in values.items():
+            fields[rate_of(name)][:] = (end - fields[name]) / dt if dt > 0 else 0.0
+
+    @staticmethod
+    def _extrapolated(memory: FaultState, dt: float) -> Heating:
+        power, before, step = (memory[name][:, 0] for name in ("power", "power_before", "step"))
+        grown = 0.5 * dt * (power - before) / np.where(step > 0, step, 1.0)
+        return Heating(power, np.maximum(power + grown, 0.0) * dt, dt)
+
+    def heating(
+        self, fault: Fault, memory: FaultState, old: FaultState, new: FaultState, dt: float,
+        radiation: np.ndarray | float = 0.0,
+    ) -> tuple[Heating, np.ndarray]:  # fmt: skip
+        """Return the heat of friction in a step, and the power at its end [W/m2], shape (n,).
+
+        The heat is that of the mean friction of both tractions on the slip between them, or what the step has added to
+        `frictional_heat` itself.
+
+        Parameters
+        ----------
+        radiation : ndarray, shape (n,)
+            Impedance of radiation damping [Pa s/m], whose part of the traction is no friction.
+        """
+        (before, _), (after, power) = (_friction(fault, fields, radiation) for fields in (old, new))
+        slid = fault.components(new, "slip") - fault.components(old, "slip")
+        heat = 0.5 * np.sum((before + after) * slid, axis=1)
+        added = new["frictional_heat"] - old["frictional_heat"] if self.is_heated else np.zeros(self.points)
+        return Heating(memory["power"][:, 0].copy(), np.where(added != 0, added, heat), dt), power
+
+    def complete(
+        self, fault: Fault, state: State, old: FaultState, new: FaultState, dt: float,
+        ends_at: float, radiation: np.ndarray | float = 0.0,
+    ) -> None:  # fmt: skip
+        """Set the memory to that at the end of a step between the tractions `old` and `new`, which ends at a time [s].
+
+        Raises
+        ------
+        RuptfxError
+            On this rank, if the pressure exceeds the normal stress.
+        """
+        if not self:
+            return
+        memory = state.fluids[fault.name]
+        heating, power = self.heating(fault, memory, old, new, dt, radiation)
+        if dt > 0:
+            time = ends_at - dt
+            for each, own in self._with_memory(memory):
+                each.advance(own, time, heating)
+            memory["power_before"][:, 0], memory["step"][:, 0] = memory["power"][:, 0], dt
+            if self.is_heated:
+                new["frictional_heat"][:] = old["frictional_heat"] + heating.heat
+        memory["power"][:, 0] = power
+        self._require_pressed(fault, new, ends_at)
+
+    @staticmethod
+    def _require_pressed(fault: Fault, fields: FaultState, time: float) -> None:
+        pressure, normal = fields.get("pore_pressure"), fields["normal_stress"]
+        wrong = [] if pressure is None else np.flatnonzero((pressure > normal) & (normal > 0))
+        if len(wrong) and pressure is not None:
+            point = int(wrong[0])
+            where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
+            raise RuptfxError(
+                f"faults.{fault.name}.pore_pressure: {pressure[point]:.6g} Pa exceeds the normal stress of "
+                f"{normal[point]:.6g} Pa at ({where}) m, time {time:.6g} s: fluid would open the "
+                "interface, which is not computed; reduce the pressure or the injection, or raise the normal stress"
+            )
+
+    def error(
+        self, fault: Fault, state: State, new: FaultState, dt: float, radiation: np.ndarray | float = 0.0
+    ) -> float:
+        """Return the error of the planned pressure of a step over its tolerance, largest of this rank."""
+        if "pore_pressure" not in new:
+            return 0.0
+        memory, old = state.fluids[fault.name], state.faults[fault.name]
+        heating, _ = self.heating(fault, memory, old, new, dt, radiation)
+        wrong = self.values(memory, state.fault_time, heating)["pore_pressure"] - new["pore_pressure"]
+        wrong = np.maximum(np.abs(wrong), self.uncertainty(memory, heating))
+        return float((wrong / (TOLERANCE * np.maximum(np.abs(new["normal_stress"]), 1.0))).max(initial=0.0))
+
+    def uncertainty(self, memory: FaultState, heating: Heating) -> np.ndarray:
+        """Return the estimated error of the pressure within a step [Pa], shape (n,)."""
+        return sum((each.uncertainty(heating) for each in self.contributions), np.zeros(self.points))
+
+
+def _friction(fault: Fault, fields: FaultState, radiation: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the traction of friction [Pa], shape (n, tangents), and its power [W/m2], shape (n,)."""
+    rate = fault.components(fields, "slip_rate")
+    traction = fault.components(fields, "shear_traction") - np.reshape(radiation, (-1, 1)) * rate
+    return traction, np.maximum(np.sum(traction * rate, axis=1), 0.0)
+
+
+def power_of(fault: Fault, fields: FaultState) -> np.ndarray:
+    """Return the power of friction [W/m2], shape (n,)."""
+    return _friction(fault, fields, 0.0)[1]
+
+
+def plan_fields(faults: Iterable[Fault], state: State, dt: float) -> None:
+    """Set the rates of the fields of all interfaces over a step of the length `dt` [s]; collective."""
+    for fault in faults:
+        fault.fields.plan(fault, state, dt)

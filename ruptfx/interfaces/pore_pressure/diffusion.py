@@ -1,0 +1,186 @@
+"""Pore pressure that diffuses along the interface, with wells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.bodies.boundaries.histories import History, course
+from ruptfx.input.profiles.places import Center, distance
+from ruptfx.input.schema import CaseError, Part, Unit
+from ruptfx.input.units import Compressibility, Fraction, Length, Viscosity, VaryingPermeability, VaryingPressure
+from ruptfx.interfaces.faults.along import Along, AlongStep, on_all_ranks
+from ruptfx.interfaces.faults.fields import Contribution, Heating
+from ruptfx.interfaces.pore_pressure import PorePressure
+from ruptfx.platform import parallel
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.faults.interface import Interface
+    from ruptfx.interfaces.mechanisms.system import System
+
+RIM = 1e-6
+"""Distance from the rim over the length of the interface below which a point is on it."""
+
+
+class Well(Part):
+    """A well that injects or withdraws fluid, or has a known pressure."""
+
+    center: Center
+    """Place of the well on the interface."""
+    rate: Annotated[float, Unit("m3/s")] | None = None
+    """Volume of fluid that enters the interface per time, in 2D per metre of thickness of the bodies [m2/s]; negative
+    where it leaves."""
+    pressure: Annotated[float, Unit("Pa")] | None = None
+    """Change of the pressure at the nearest point since the start, instead of a rate."""
+    half_width: Length | None = None
+    """Standard deviation of a Gaussian distribution of the rate; without it, at the nearest point."""
+    history: History | None = None
+    """Factor in time; without it rate or pressure are constant from the start."""
+
+    @model_validator(mode="after")
+    def _one_quantity(self) -> Well:
+        if (self.rate is None) == (self.pressure is None):
+            raise ValueError("rate, pressure: give one of them")
+        if self.pressure is not None and self.half_width is not None:
+            raise ValueError(
+                f"half_width = {self.half_width:g}: a known pressure is that of one point; remove half_width, or give rate "
+                "instead of pressure"
+            )
+        return self
+
+
+class Diffusion(PorePressure):
+    """Diffusion of the pore pressure along the interface, a permeable layer between tight bodies.
+
+    beta phi dp/dt = div (k / eta grad p) + Q / b, with the rate Q of wells per area. The field is the change of the
+    pressure since the start plus `initial`.
+    """
+
+    source = "Segall and Rice (1995); SEAS benchmark BP6"
+    example: ClassVar[str] = (
+        '{ kind = "diffusion", permeability = 1e-13, viscosity = 1e-3, compressibility = 1e-8, porosity = 0.1, '
+        "thickness = 1.0, wells = [{ center = 0.0, rate = 1.25e-6 }] }"
+    )
+
+    permeability: VaryingPermeability
+    """k."""
+    viscosity: Viscosity
+    """eta of the fluid."""
+    compressibility: Compressibility
+    """beta of fluid and pores."""
+    porosity: Fraction
+    """phi."""
+    thickness: Length
+    """b of the permeable layer."""
+    wells: list[Well] = []
+    """Wells, an entry each."""
+    initial: VaryingPressure = 0.0
+    """Pressure at the start."""
+    rim: Annotated[str, Field(pattern="^(no_flux|fixed)$")] = "no_flux"
+    """Rim of the interface: `no_flux`, or `fixed` for the initial pressure."""
+
+    def bind(self, model: System, face: Interface, key: str) -> PressureAlong:
+        for number, well in enumerate(self.wells):
+            _check_place(model, face, well, f"{key}.wells.{number}.center")
+        return PressureAlong(self, model, face, key.split(".")[1])
+
+
+def _check_place(model: System, face: Interface, well: Well, key: str) -> None:
+    """Refuse a well that is not on the interface; collective.
+
+    Raises
+    ------
+    CaseError
+    """
+    place = np.ravel(np.asarray(well.center, dtype=float))
+    ranges = [(face.line.first, face.line.last)]
+    if face.across is not None:
+        deepest = parallel.largest(model.comm, float(face.across.max(initial=0.0)))
+        ranges.append((0.0, deepest))
+    for value, (first, last) in zip(place, ranges, strict=False):
+        if not first <= value <= last:
+            raise CaseError(
+                f"{key} = {value:.6g} m: the well is off the interface, whose points are from {first:.6g} to {last:.6g} m; "
+                "move it onto the interface"
+            )
+
+
+class PressureAlong(Contribution):
+    """The pressure of all points of an interface, on every rank.
+
+    Attributes
+    ----------
+    along : Along
+    injected : float
+        Volume that wells of known rate have injected since this object was made, over the thickness of the layer [m2],
+        in 2D per metre of thickness of the bodies [m].
+    """
+
+    adds = ("pore_pressure",)
+
+    def __init__(self, table: Diffusion, model: System, face: Interface, name: str) -> None:
+        self._face, self._table, self._comm = face, table, model.comm
+        area, places = (on_all_ranks(model.comm, face, each) for each in (face.area, face.locations))
+        self._fixed = np.zeros(face.total, dtype=bool)
+        if table.rim == "fixed":
+            for axis in places.reshape(face.total, -1).T:
+                near = RIM * np.ptp(axis)
+                self._fixed |= (axis <= axis.min() + near) | (axis >= axis.max() - near)
+        self._rates, self._pressures = [], []
+        for well in table.wells:
+            away = distance(places, well.center)
+            share = np.zeros(face.total)
+            share[np.argmin(away)] = 1.0
+            if well.half_width is not None:
+                share = area * np.exp(-0.5 * (away / well.half_width) ** 2)
+            if well.pressure is not None:
+                self._fixed |= share > 0
+                self._pressures.append((well, share))
+            else:
+                self._rates.append((well, share / share.sum()))
+        mobility = np.broadcast_to(table.permeability, len(face.plus)) / table.viscosity
+        storage = table.compressibility * table.porosity
+        self.along = Along(model, face, name, mobility, storage, area, self._fixed)
+        self._step: AlongStep | None = None
+        self.injected = 0.0
+
+    def _known(self, time: float) -> np.ndarray:
+        """Return the change of the pressure at points of known pressure [Pa], zero elsewhere."""
+        return sum((share * well.pressure * course(time, 0.0, well.history) for well, share in self._pressures),
+                   np.zeros(self._face.total))  # fmt: skip
+
+    def _source(self, time: float) -> np.ndarray:
+        """Return the volume that enters per time at each point, over the thickness of the layer."""
+        rates = (share * well.rate * course(time, 0.0, well.history) for well, share in self._rates)
+        return sum(rates, np.zeros(self._face.total)) / self._table.thickness
+
+    def memory(self) -> dict[str, np.ndarray]:
+        return {"change": self._known(0.0)[self._face.number][:, None]}
+
+    def plan(self, memory: Mapping[str, np.ndarray], time: float, dt: float) -> None:
+        self._step = None
+        if dt > 0:
+            begin = on_all_ranks(self._comm, self._face, memory["change"][:, 0])
+            known = (self._known(time + dt) - self._known(time)) / dt
+            self._step = self.along.step(begin, time, dt, self._source, known)
+
+    def values(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> dict[str, np.ndarray]:
+        change = memory["change"][:, 0]
+        if heating.elapsed > 0 and self._step is not None:
+            change = self._step.at(heating.elapsed / self._step.length)[self._face.number]
+        return {"pore_pressure": self._initial + change}
+
+    @property
+    def _initial(self) -> np.ndarray:
+        return np.broadcast_to(self._table.initial, len(self._face.plus))
+
+    def advance(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> None:
+        assert self._step is not None
+        memory["change"][:, 0] = self._step.end[self._face.number]
+        self.injected += self._step.injected
+
+    def uncertainty(self, heating: Heating) -> np.ndarray | float:
+        return 0.0 if self._step is None else np.abs(self._step.error)[self._face.number]

@@ -1,0 +1,44 @@
+"""A known pressure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import model_validator
+
+from ruptfx.bodies.boundaries.histories import History
+from ruptfx.input.schema import CasePath
+from ruptfx.input.units import VaryingPressure
+from ruptfx.interfaces.faults.known_field import KnownField
+from ruptfx.interfaces.pore_pressure import PorePressure
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.faults.interface import Interface
+    from ruptfx.interfaces.mechanisms.system import System
+
+
+class Given(PorePressure):
+    """Known pressure: a profile times a history, or values over time and position from a file."""
+
+    example: ClassVar[str] = '{ kind = "given", pressure = 300.0 }'
+
+    pressure: VaryingPressure | None = None
+    """Profile of the pressure."""
+    history: History | None = None
+    """Factor in time; without it the pressure is constant."""
+    file: CasePath | None = None
+    """CSV file with time, position and pressure at the points of a grid, instead of both; linear in between. Its header may
+    give the units, as in `time (d), position (km), pressure (Pa)`."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Given:
+        if (self.pressure is None) == (self.file is None):
+            raise ValueError("pressure, file: give one of them")
+        if self.file is not None and self.history is not None:
+            raise ValueError("history: the file has the values over time; remove it, or give pressure instead of file")
+        return self
+
+    def bind(self, model: System, face: Interface, key: str) -> KnownField:
+        if self.file is not None:
+            return KnownField.of_file("pore_pressure", self.file, "Pa", face, key)
+        return KnownField.of_profile("pore_pressure", self.pressure, self.history, len(face.plus))
