@@ -358,7 +358,8 @@ class Part(BaseModel, metaclass=_Reworded):
         changes: Table = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if callable(value):
+            # A part that can be called but has no values over an interface is a history.
+            if hasattr(value, "over") or (callable(value) and not isinstance(value, Part)):
                 try:
                     changes[name] = getattr(value, "over", value)(position)
                 except CaseError as error:

@@ -120,8 +120,11 @@ class FaultFields:
         return self.values(self.memory(none), 0.0, Heating(none, none, 0.0))
 
     def surrounding(self, law: FrictionLaw) -> FrictionLaw:
-        """Return the law that reads the fields."""
-        return InFields.model_construct(law=law, initial=self.initial(), is_heated=self.is_heated) if self else law
+        """Return the law that reads the fields; its own parameters of their names are their values at the start."""
+        if not self:
+            return law
+        initial = self.initial()
+        return InFields.model_construct(law=_started(law, initial), initial=initial, is_heated=self.is_heated)
 
     def require_closed(self, normal_stress: np.ndarray, position: np.ndarray) -> None:
         """Refuse an initial pressure that would open the interface.
@@ -248,6 +251,15 @@ class FaultFields:
     def uncertainty(self, memory: FaultState, heating: Heating) -> np.ndarray:
         """Return the estimated error of the pressure within a step [Pa], shape (n,)."""
         return sum((each.uncertainty(heating) for each in self.contributions), np.zeros(self.points))
+
+
+def _started(law: FrictionLaw, initial: Mapping[str, np.ndarray]) -> FrictionLaw:
+    """Return a law and the laws inside it with the parameters that are named as fields set to their initial values."""
+    changes: dict[str, object] = {name: values for name, values in initial.items() if name in type(law).model_fields}
+    inner = getattr(law, "law", None)
+    if inner is not None:
+        changes["law"] = _started(inner, initial)
+    return law.substituted(changes)
 
 
 def _friction(fault: Fault, fields: FaultState, radiation: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:

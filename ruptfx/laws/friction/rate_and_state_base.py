@@ -137,6 +137,10 @@ class RateAndState(Creeping):
         speed = np.maximum(slip_rate, AT_REST)
         return self.strength(speed, normal_stress, {"theta": self.D_c / speed})
 
+    def isothermal(self) -> RateAndState:
+        """Return the law of the same strength at a constant temperature, whose age is the contact time."""
+        return self
+
     def is_uniform(self) -> bool:
         """Return whether every parameter is one number, as required by a lumped model."""
         values: list[object] = [getattr(self, name) for name in type(self).model_fields]

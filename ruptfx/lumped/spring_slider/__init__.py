@@ -18,13 +18,19 @@ from ruptfx.lumped import LumpedModel, Progress, Summary, silent
 from ruptfx.lumped.spring_slider.cycles import StickSlip
 from ruptfx.lumped.spring_slider.fit import Fit
 from ruptfx.lumped.spring_slider.pinned import FrequencyResponse, LoadingUnloading
-from ruptfx.lumped.spring_slider.protocols import Experiment, ModulatedSpeed, SlideHoldSlide, VelocitySteps
+from ruptfx.lumped.spring_slider.protocols import (
+    Experiment,
+    ModulatedSpeed,
+    SlideHoldSlide,
+    Temperatures,
+    VelocitySteps,
+)
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness
 from ruptfx.lumped.spring_slider.stability import Bifurcation, ModulatedLoad, StabilityDiagram
 
 _EXPERIMENTS = (
     VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, StabilityDiagram, Bifurcation, StickSlip,
-    LoadingUnloading, FrequencyResponse, Fit,
+    LoadingUnloading, FrequencyResponse, Temperatures, Fit,
 )  # fmt: skip
 
 
@@ -73,7 +79,7 @@ class SpringSlider(LumpedModel):
     def _usable(self) -> SpringSlider:
         if not isinstance(self.friction, RateAndState):
             raise ValueError(
-                f"friction.kind = '{self.friction.kind()}': use rate_and_state_ageing, _slip or _saturating"
+                f"friction.kind = '{self.friction.kind()}': use rate_and_state_ageing, _slip, _saturating or _thermal"
             )
         if not self.friction.is_uniform():
             raise ValueError("friction: a single block has one value of each parameter; give numbers, no profile")
@@ -82,7 +88,7 @@ class SpringSlider(LumpedModel):
     def slider(self) -> Slider:
         """Return the slider."""
         assert isinstance(self.friction, RateAndState)
-        return Slider(self.friction, self.normal_force, self.stiffness, self.mass, self.interface_length)
+        return Slider(self.friction.isothermal(), self.normal_force, self.stiffness, self.mass, self.interface_length)
 
     @property
     def recovers(self) -> bool:
@@ -90,7 +96,8 @@ class SpringSlider(LumpedModel):
 
     def run(self, progress: Progress = silent) -> xarray.Dataset:
         slider = self.slider()
-        dataset = self.experiment.run(slider, progress)
+        assert isinstance(self.friction, RateAndState)
+        dataset = self.experiment.run_with(self.friction, slider, progress)
         slider = self.experiment.resulting(slider, dataset)
         speed = getattr(self.experiment, "speed", float(slider.law.V_0))
         critical, omega = critical_stiffness(slider, speed)

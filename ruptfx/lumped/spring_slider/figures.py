@@ -7,7 +7,7 @@ import xarray
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from ruptfx.results.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
+from ruptfx.results.figure_style import ACCENT, ONE_COLUMN, RATE_MAP, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
@@ -227,7 +227,27 @@ def frequency_response(dataset: xarray.Dataset) -> Figure:
     return figure
 
 
+@styled
+def temperatures(dataset: xarray.Dataset) -> Figure:
+    """Draw static friction against contact time, its slope against temperature, and the master curve."""
+    figure = blank_figure(WIDTH, 2.6)
+    axes = figure.subplots(1, 3)
+    colours = RATE_MAP(np.linspace(0.1, 0.9, dataset.sizes["temperature"]))
+    for colour, temperature in zip(colours, dataset.temperature.values, strict=True):
+        one = dataset.sel(temperature=temperature)
+        axes[0].plot(one.hold, one.static_friction, "o-", color=colour, label=f"{temperature:g} K")
+        axes[2].plot(one.reduced_time, one.static_friction, "o", color=colour)
+    axes[0].set(xscale="log", xlabel="Contact time (s)", ylabel="Static friction coefficient")
+    axes[0].legend()
+    axes[1].plot(dataset.temperature, dataset.ageing_slope, "o-", color=STEADY)
+    axes[1].set(xlabel="Temperature (K)", ylabel="Slope of static friction per e-fold")
+    axes[2].set(xscale="log", xlabel="Contact time over shift factor (s)", ylabel="Static friction coefficient")
+    letter(axes)
+    return figure
+
+
 _DRAW = {
+    "temperatures": temperatures,
     "velocity_steps": velocity_steps, "slide_hold_slide": slide_hold_slide, "modulated_speed": modulated_speed,
     "modulated_load": modulated_load, "stability": stability, "bifurcation": bifurcation, "stick_slip": stick_slip,
     "loading_unloading": loading_unloading, "frequency_response": frequency_response, "fit": fit,

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import xarray
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from ruptfx import Table
-from ruptfx.input.schema import Part
+from ruptfx.input.schema import CaseError, Part, Unit
 from ruptfx.input.units import Duration, Length, Speed
-from ruptfx.lumped import Progress, variable
+from ruptfx.laws.friction.rate_and_state_base import RateAndState
+from ruptfx.laws.friction.rate_and_state_thermal import RateAndStateThermal
+from ruptfx.lumped import Progress, silent, variable
 from ruptfx.lumped.spring_slider.slider import Slider, Trajectory, integrate
 
 Samples = Annotated[int, Field(ge=20, le=1_000_000)]
@@ -26,6 +29,10 @@ class Experiment(Part):
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         """Return the result of the experiment."""
         raise NotImplementedError
+
+    def run_with(self, law: RateAndState, slider: Slider, progress: Progress) -> xarray.Dataset:
+        """Return the result of the experiment; `law` is that of the slider before it was given one temperature."""
+        return self.run(slider, progress)
 
     def resulting(self, slider: Slider, dataset: xarray.Dataset) -> Slider:
         """Return the slider that the result describes, of which K_c and other constants are reported."""
@@ -134,6 +141,53 @@ class SlideHoldSlide(Experiment):
                 "healing_slope": variable((), slope[-1], "1", "static friction per e-fold of hold, longest holds"),
             },
             coords={"hold": variable("hold", np.array(self.holds), "s", "duration of the hold")},
+            attrs={"experiment": self.name},
+        )
+
+
+class Temperatures(SlideHoldSlide):
+    """Slide-hold-slide at several temperatures: static friction over contact time, and its master curve."""
+
+    name = "temperatures"
+    kind: Literal["temperatures"] = "temperatures"  # type: ignore[assignment]
+    temperatures: Annotated[list[Annotated[float, Field(gt=0), Unit("K")]], Field(min_length=2)] = [
+        293.0, 313.0, 333.0, 353.0,
+    ]  # fmt: skip
+    """Temperatures, increasing."""
+
+    @field_validator("temperatures")
+    @classmethod
+    def _increasing(cls, temperatures: list[float]) -> list[float]:
+        if np.any(np.diff(temperatures) <= 0):
+            raise ValueError("temperatures must increase")
+        return temperatures
+
+    def run_with(self, law: RateAndState, slider: Slider, progress: Progress) -> xarray.Dataset:
+        if not isinstance(law, RateAndStateThermal):
+            raise CaseError(
+                f"experiment.kind = 'temperatures': friction.kind = '{law.kind()}' does not depend on temperature; use "
+                "friction.kind = 'rate_and_state_thermal'"
+            )
+        runs = []
+        for number, temperature in enumerate(self.temperatures):
+            progress(number / len(self.temperatures), f"{temperature:g} K")
+            one = law.substituted({"temperature": temperature}).isothermal()
+            runs.append(self.run(replace(slider, law=one), silent))
+        shift = np.array([float(law.shift(temperature)) for temperature in self.temperatures])
+        static = np.array([each.static_friction.values for each in runs])
+        slope = np.array([np.polyfit(np.log(self.holds), row, 1)[0] for row in static])
+        at, both = "temperature", ("temperature", "hold")
+        return xarray.Dataset(
+            {
+                "static_friction": variable(both, static, "1", "static friction coefficient"),
+                "reduced_time": variable(both, np.array(self.holds) / shift[:, None], "s", "contact time over shift"),
+                "shift": variable(at, shift, "1", "shift factor of time"),
+                "ageing_slope": variable(at, slope, "1", "static friction per e-fold of contact time"),
+            },
+            coords={
+                "temperature": variable(at, np.array(self.temperatures), "K", "temperature"),
+                "hold": variable("hold", np.array(self.holds), "s", "duration of the hold"),
+            },
             attrs={"experiment": self.name},
         )
 

@@ -23,7 +23,8 @@ from ruptfx.results.plots._record import (
 from ruptfx.results.plots._sheet import Sheet, Window, figure
 from ruptfx.results.record import Data, Files
 
-JUMPS = ("slip", "displacement_jump")
+JUMPS, FIELDS = ("slip", "displacement_jump"), ("pore_pressure", "temperature")
+COLUMNS = 2
 
 
 def suits(record: Files) -> bool:
@@ -53,8 +54,8 @@ def slip_profiles(
     at
         Times [s]; the nearest saved ones are drawn. Default: twelve over the run.
     field
-        Fields of the interface, a panel each, such as "opening". Default: "slip", and "displacement_jump" where it
-        differs from it.
+        Fields of the interface, a panel each, such as "opening". Default: "slip", "displacement_jump" where it
+        differs from it, and "pore_pressure" and "temperature" of an interface that has them.
     """
     data = at_positions(record.interface, x, sheet.name)
     saved = data["time"].values
@@ -69,9 +70,12 @@ def slip_profiles(
     (x_size, x_unit), (t_size, t_unit) = sheet.scale("x", np.ptp(position), "m"), sheet.scale("time", until, "s")
     same = len({each.unit for each in meant.values()}) == 1
     sheet.one_of(f"choose one with field = '{wanted[0]}'")
-    axes = sheet.panels(1, len(wanted), 2.6, sharex=True, sharey=same)[0]
+    lines = -(-len(wanted) // COLUMNS)
+    axes = sheet.panels(lines, -(-len(wanted) // lines), 2.6 * lines, sharex=True, sharey=same).ravel()
+    for ax in axes[len(wanted) :]:
+        ax.set_visible(False)
     colours = ScalarMappable(Normalize(0, until / t_size), TIME_MAP)
-    for ax, name in zip(axes, wanted, strict=True):
+    for ax, name in zip(axes, wanted, strict=False):
         shown = np.array([values[other] for other in wanted if meant[other].unit == meant[name].unit])
         size, unit = sheet.scale(name, shown, meant[name].unit)
         for row, line in zip(rows, values[name], strict=True):
@@ -79,16 +83,16 @@ def slip_profiles(
         ax.set(xlabel=along(record, x_size, x_unit), ylabel=f"{meant[name].label} ({unit})")
         ax.set_xlim(position[0] / x_size, position[-1] / x_size)
     sheet.figure.colorbar(colours, ax=axes.tolist(), label=f"Time ({t_unit})")
-    sheet.letter(axes)
+    sheet.letter(axes[: len(wanted)])
     sheet.remark(turned(record) if any(signed(record, name) < 0 for name in wanted) else "")
 
 
 def _default(data: Data, rows: np.ndarray) -> list[str]:
-    """Return the names of the jumps that differ from each other and are not zero."""
+    """Return the names of the jumps that differ from each other and are not zero, and of pressure and temperature."""
     values = {name: data[name].isel(time=rows).values for name in JUMPS if name in data}
     stretch = np.abs(values["displacement_jump"] - values["slip"]) if "displacement_jump" in values else np.zeros(1)
     if stretch.max(initial=0.0) <= 1e-6 * np.abs(values["slip"]).max(initial=0.0):  # rigid contact
         values.pop("displacement_jump", None)
     if len(values) > 1 and not values["slip"].any():
         values.pop("slip")
-    return list(values)
+    return [*values, *(name for name in FIELDS if name in data)]

@@ -44,19 +44,21 @@ def slip_rate_maps(
     fault : str or sequence of str, optional
         Names of surfaces. Default: all.
     field : str
-        Tangential field, of which the magnitude is drawn: "slip_rate", "slip", "shear_traction".
+        Tangential field, of which the magnitude is drawn: "slip_rate", "slip", "shear_traction"; or "pore_pressure" and
+        "temperature" of a surface that has them.
     """
     surfaces = _surface.selected(sheet, record, fault)
     first = next(iter(surfaces.values()))
     known = [name.removesuffix("_1") for name in map(str, first) if name.endswith("_1")]
+    known += [name for name in ("pore_pressure", "temperature") if name in first]
     if field not in known:
         raise RuptfxError(f"plots.slip_rate_maps: field = '{field}': {nearest_name(str(field), known)}")
     saved = first["time"].values
     wanted = _while_it_runs(surfaces)[-1:] if sheet.is_given else _while_it_runs(surfaces)
     rows = np.unique(chosen(saved, at, nearest(saved, wanted)))
-    values = {name: [magnitude_of(data, field, int(row)) for row in rows] for name, data in surfaces.items()}
+    values = {name: [_at(data, field, int(row)) for row in rows] for name, data in surfaces.items()}
     all_values = np.concatenate([each for of_times in values.values() for each in of_times])
-    size, unit = sheet.scale(field, all_values, str(first[f"{field}_1"].attrs.get("units", UNITS.get(field, "1"))))
+    size, unit = sheet.scale(field, all_values, _unit(first, field))
     high = float(np.quantile(all_values, 0.999)) or 1.0
     # Maps of one time are next to each other, and those of two times where they stay high enough.
     height = _surface.height_in_line(surfaces.values())
@@ -95,3 +97,13 @@ def _while_it_runs(surfaces: Mapping[str, Data]) -> Array:
     saved = next(iter(surfaces.values()))["time"].values
     ends = arrival[np.isfinite(arrival)] if np.isfinite(arrival).any() else saved
     return np.linspace(ends.min(), ends.max(), 7)[1:]
+
+
+def _at(data: Data, field: str, row: int) -> Array:
+    """Return a field, or the magnitude of a tangential one, at the time of a record."""
+    return np.asarray(data[field].values[row]) if field in data else magnitude_of(data, field, row)
+
+
+def _unit(data: Data, field: str) -> str:
+    name = field if field in data else f"{field}_1"
+    return str(data[name].attrs.get("units", UNITS.get(field, "1")))

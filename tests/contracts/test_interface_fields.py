@@ -1,0 +1,224 @@
+"""Every pore pressure and temperature of the folders, by its own example, in every stepper: laws see it, restart, ranks."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.small_cases import case, march, merged, plates, slip_weakening, strike_slip
+from helpers.whole_runs import whole_and_resumed
+
+pytest.importorskip("dolfinx")
+
+from helpers.messages import facts
+
+from ruptfx import RuptfxError
+from ruptfx.case import Case, parse_case
+from ruptfx.input.fields import INTERFACE_FIELDS
+from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.platform import fem, parallel
+from ruptfx.results.record import Record
+from ruptfx.run.model import Model
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+COMM = fem.MPI.COMM_WORLD
+KINDS = [
+    (field, kind) for field in ("pore_pressure", "temperature") for kind in alternatives(f"ruptfx.interfaces.{field}")
+]
+every_kind = pytest.mark.parametrize("field, kind", KINDS)
+SLIDES = {
+    "order": 2, "duration": 1e-5, "mesh.element_size": 2e-3, "faults.main.contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14},
+    "faults.main.friction": {
+        "kind": "rate_and_state_ageing", "a": 0.01, "b": 0.014, "D_c": 2e-7, "f_0": 0.6, "V_0": 1e-6,
+    },
+    "faults.main.initial_stress": {"normal": 6e6, "shear": 3.3e6},
+}  # fmt: skip
+PUSHED = [
+    *({"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"),
+    {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 1e-6},
+]
+SLOW = {"duration": 50.0, "boundaries": PUSHED}
+FAST = {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.4}, "faults.main.initial_stress.shear": 3e6}
+STEPPERS: dict[str, dict[str, Any]] = {
+    "leapfrog": FAST, "split": {**FAST, "faults.main.contact": {"kind": "split_node"}},
+    "generalized_alpha": {**FAST, "stepper": {"kind": "generalized_alpha"}, "duration": 1e-4},
+    "quasi_static": {**SLOW, "stepper": {"kind": "quasi_static", "radiation_damping": True}},
+    "quasi_dynamic": {**SLOW, "stepper": {"kind": "quasi_dynamic"}},
+    "hybrid": {**FAST, "stepper": {"kind": "hybrid"}},
+}
+every_stepper = pytest.mark.parametrize("stepper", STEPPERS)
+
+
+def example(field: str, kind: str) -> dict[str, Any]:
+    """What the kind gives as an example."""
+    value: dict[str, Any] = tomllib.loads(f"x = {alternatives(f'ruptfx.interfaces.{field}')[kind].example}")["x"]
+    return value
+
+
+def with_field(field: str, kind: str, changes: dict[str, Any] | None = None) -> Case:
+    return parse_case(plates({**SLIDES, f"faults.main.{field}": example(field, kind), **(changes or {})}))
+
+
+@every_kind
+def test_written_and_read_again(field: str, kind: str) -> None:
+    given = with_field(field, kind)
+    again = parse_case(tomllib.loads(given.to_toml()))
+    assert example(field, kind)["kind"] == kind and again == given and again.hash == given.hash
+
+
+@every_kind
+def test_contributions_add_to_declared_fields(field: str, kind: str) -> None:
+    model = Model(with_field(field, kind))
+    (made,) = model.faults[0].fields.contributions
+    n = len(model.faults[0].interface.plus)
+    assert field in made.adds and set(made.adds) <= set(INTERFACE_FIELDS)
+    initial = model.faults[0].fields.initial()
+    assert set(initial) == set(made.adds) and all(values.shape == (n,) for values in initial.values())
+    assert all(values.ndim == 2 and len(values) == n for values in made.memory().values())
+
+
+def rows(given: Case, comm: Any, steps: int) -> tuple[np.ndarray, list[float]]:
+    """Fields of all points after some steps, in order, and time and energies."""
+    model = Model(given, comm)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    for _ in range(steps):
+        motion.step(state)
+    face, fields = model.faults[0].interface, state.faults["main"]
+    names = ("slip", "shear_traction", *(name for name in INTERFACE_FIELDS if name in fields))
+    own = np.column_stack([face.number, *(fields[name] for name in names)])[face.owned]
+    table = parallel.share_rows(comm, own)
+    return table[np.argsort(table[:, 0])], [state.time, *motion.energies(state).values()]
+
+
+@every_kind
+@every_stepper
+def test_the_same_on_any_ranks(field: str, kind: str, stepper: str) -> None:
+    given = with_field(field, kind, STEPPERS[stepper])
+    for ours, theirs in zip(rows(given, COMM, 6), rows(given, fem.MPI.COMM_SELF, 6), strict=True):
+        size = np.maximum(np.abs(theirs).max(axis=0), 1e-300)
+        np.testing.assert_allclose(ours / size, theirs / size, atol=1e-7)
+
+
+@pytest.mark.parametrize("stepper", STEPPERS)
+def test_friction_is_that_of_the_effective_normal_stress(stepper: str) -> None:
+    """A uniform pressure p and sigma + p slide as sigma alone, but for the traction on the bodies."""
+    changes = {**STEPPERS[stepper], "faults.main.initial_stress.normal": 8e6}
+    wet = case({**SLIDES, **changes, "faults.main.pore_pressure": {"kind": "given", "pressure": 2e6}})
+    dry = case({**SLIDES, **changes, "faults.main.initial_stress.normal": 6e6})
+    ours, theirs = (rows(each, fem.MPI.COMM_SELF, 8)[0] for each in (wet, dry))
+    assert np.abs(theirs[:, 1]).max() > 0
+    np.testing.assert_allclose(ours[:, 1:3], theirs[:, 1:3], rtol=1e-6, atol=1e-9 * np.abs(theirs[:, 1]).max())
+    assert np.all(ours[:, 3] == 2e6)
+
+
+HEATED = [(field, kind) for field, kind in KINDS if kind not in ("given", "diffusion")]
+
+
+@pytest.mark.parametrize("stepper", ["leapfrog", "generalized_alpha", "quasi_static"])
+def test_heat_is_the_work_of_friction(stepper: str) -> None:
+    """At every point of compliant contact, less what radiates."""
+    given = with_field("pore_pressure", "thermal_pressurisation", STEPPERS[stepper])
+    model = Model(given, fem.MPI.COMM_SELF)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    for _ in range(10):
+        motion.step(state)
+    fields, area = state.faults["main"], model.faults[0].interface.area
+    if stepper == "quasi_static":
+        energy = motion.energies(state)
+        assert area @ fields["frictional_heat"] == pytest.approx(energy["frictional_dissipation"], rel=1e-6)
+    else:
+        np.testing.assert_allclose(fields["frictional_heat"], fields["friction_work"], rtol=1e-12)
+    assert fields["frictional_heat"].min() > 0
+
+
+@every_kind
+@pytest.mark.parametrize("stepper", ["leapfrog", "generalized_alpha", "quasi_dynamic"])
+def test_recorded_and_resumed_bitwise(field: str, kind: str, stepper: str, shared_tmp_path: Path) -> None:
+    changes = {**STEPPERS[stepper], "output.checkpoint_steps": 6}
+    if stepper == "leapfrog":
+        changes["duration"] = 3e-6
+    given = with_field(field, kind, changes)
+    whole, cut = whole_and_resumed(given, shared_tmp_path / f"{field}_{kind}_{stepper}")
+    if COMM.rank == 0:
+        with Record(whole) as one, Record(cut) as other:
+            for name in Model(given, fem.MPI.COMM_SELF).faults[0].fields.initial():
+                values = one.interface[name]
+                assert values.attrs["units"] == INTERFACE_FIELDS[name].unit
+                assert INTERFACE_FIELDS[name].long_name in values.attrs["long_name"]
+            if COMM.size == 1 or stepper == "leapfrog":
+                assert one.interface.identical(other.interface)
+
+
+@every_kind
+def test_surfaces_have_fields(field: str, kind: str) -> None:
+    model, _, state = march(parse_case(strike_slip({
+        "duration": 2e-7, "faults.main.initial_stress.normal": 6e6, f"faults.main.{field}": example(field, kind),
+    })))  # fmt: skip
+    fields = state.faults["main"]
+    assert all(np.isfinite(fields[name]).all() for name in model.faults[0].fields.initial())
+
+
+def test_contributions_add_up() -> None:
+    both = [{"kind": "given", "pressure": 1e6}, {"kind": "given", "pressure": 5e5}]
+    model = Model(case({**SLIDES, "faults.main.pore_pressure": both}))
+    assert np.all(model.faults[0].fields.initial()["pore_pressure"] == 1.5e6)
+
+
+def test_a_history_is_followed_within_steps() -> None:
+    history = {"kind": "sampled", "times": [0.0, 1e-5], "values": [0.0, 1.0]}
+    given = with_field("pore_pressure", "given", {
+        **FAST, "faults.main.pore_pressure": {"kind": "given", "pressure": 1e6, "history": history}})  # fmt: skip
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    for _ in range(7):
+        motion.step(state)
+    expected = 1e6 * state.fault_time / 1e-5
+    np.testing.assert_allclose(state.faults["main"]["pore_pressure"], expected, rtol=1e-12)
+    strength = 0.4 * (state.faults["main"]["normal_stress"] - expected)
+    np.testing.assert_allclose(state.faults["main"]["shear_traction"], strength, rtol=1e-12)
+
+
+def test_pressure_above_the_normal_stress_ends_the_run_with_its_place() -> None:
+    history = {"kind": "sampled", "times": [0.0, 1e-6], "values": [0.0, 1.0]}
+    given = case({**SLIDES, **FAST, "faults.main.pore_pressure": {"kind": "given", "pressure": 7e6, "history": history}})
+    with pytest.raises(RuptfxError, match=facts(r"faults\.main\.pore_pressure: .* exceeds the normal stress of 6e\+06")):
+        march(given)
+
+
+def test_a_rupture_with_thermal_pressurisation_is_weaker() -> None:
+    wet = {"kind": "thermal_pressurisation", "heat_capacity": 2.7e6, "thermal_diffusivity": 1e-6,
+           "hydraulic_diffusivity": 1e-6, "pressure_per_temperature": 1e6, "width": 1e-6}  # fmt: skip
+    changes = {"order": 2, "duration": 8e-6}
+    slips = [np.abs(march(parse_case(merged(slip_weakening(changes), more)))[2].faults["main"]["slip"]).max()
+             for more in ({}, {"faults.main.pore_pressure": wet})]  # fmt: skip
+    assert slips[1] > 1.02 * slips[0]
+
+
+WELL = {**example("pore_pressure", "diffusion")}
+TP = example("pore_pressure", "thermal_pressurisation")
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "negative diffusivity": ({"faults.main.pore_pressure": {**TP, "hydraulic_diffusivity": -1e-6}},
+                             r"pore_pressure.*hydraulic_diffusivity = -1e-06.* greater than 0"),
+    "missing heat capacity": ({"faults.main.pore_pressure": {k: v for k, v in TP.items() if k != "heat_capacity"}},
+                              r"pore_pressure.*heat_capacity"),
+    "pressure above the normal stress": ({"faults.main.pore_pressure": {"kind": "given", "pressure": 7e6}},
+                                         r"pore_pressure: 7e\+06 Pa .* 6e\+06 Pa .* reduce the pressure"),
+    "well off the fault": ({"faults.main.pore_pressure": {**WELL, "wells": [{"center": 1.0, "rate": 1e-6}]}},
+                           r"faults\.main\.pore_pressure\.0\.wells\.0\.center = 1 m: .* from 0 to 0\.012 m"),
+    "two quantities of a well": ({"faults.main.pore_pressure": {**WELL, "wells": [{"center": 0.0}]}},
+                                 r"rate, pressure: give one of them"),
+    "no source": ({"faults.main.pore_pressure": {"kind": "given"}}, r"pressure, file: give one of them"),
+    "fracture": ({"faults.main.temperature": {"kind": "given", "temperature": 300.0}, "faults.main.sliding": {}},
+                 r"faults\.main\.temperature.*remove faults\.main\.temperature, or remove faults\.main\.sliding"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_bad_input_is_refused_with_key_and_remedy(what: str) -> None:
+    changes, message = REFUSED[what]
+    with pytest.raises(CaseError, match=facts(message)):
+        Model(case({**SLIDES, **changes}))
