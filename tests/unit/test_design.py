@@ -570,6 +570,23 @@ def test_anisotropic_material() -> None:
 
 
 @pytest.mark.fem
+def test_fields_of_an_interface() -> None:
+    """10 m of water are 98.1 kPa at y = 0; after half of its time a temperature is exp(-1/2) of that at the start."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.interfaces.faults.fields import Heating
+    from ruptfx.run.model import Model
+
+    water = {"faults.main.pore_pressure": {"kind": "hydrostatic", "level": 10.0}}
+    fields = Model(in_a_case("hydrostatic", plates(water))).faults[0].fields
+    np.testing.assert_allclose(fields.initial()["pore_pressure"], 98.1e3)
+    cools = {"faults.main.temperature": {"kind": "cooling", "start": 400.0, "time": 1e-3}}
+    fields = Model(in_a_case("cooling", plates(cools))).faults[0].fields
+    none = np.zeros(fields.points)
+    later = fields.values(fields.memory(none), 3e-4, Heating(none, none, 2e-4))["temperature"]
+    np.testing.assert_allclose(later, 400.0 * np.exp(-0.5))
+
+
+@pytest.mark.fem
 def test_hardening_springs() -> None:
     """12 mm of springs at 10 um: (1e12 Pa/m u + 1e20 Pa/m3 u^3) = 1e7 Pa + 1e5 Pa, against the motion."""
     pytest.importorskip("dolfinx")

@@ -6,6 +6,7 @@ use: `FaultFields.plan` and `complete`.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,9 +33,8 @@ def layer(width: float, heat: float, water: float, duration: float) -> Pressuris
 def slide(contribution: Contribution, times: np.ndarray, speed: Any) -> dict[str, np.ndarray]:
     """Return the fields and the heat at some times [s] of a point that slides at `speed(time)` [m/s]."""
     fields = FaultFields([contribution], 1)
-    fault = SimpleNamespace(
-        name="main", components=lambda state, name: state[name][:, None], interface=SimpleNamespace(points=np.zeros((1, 2)))
-    )
+    face = SimpleNamespace(points=np.zeros((1, 2)))
+    fault = SimpleNamespace(name="main", components=lambda state, name: state[name][:, None], interface=face)
     start = np.array([F * SIGMA])
     state = {"slip": np.zeros(1), "slip_rate": np.array([speed(0.0)]), "shear_traction": start,
              "normal_stress": np.array([SIGMA]), "frictional_heat": np.zeros(1)}  # fmt: skip
@@ -42,7 +42,7 @@ def slide(contribution: Contribution, times: np.ndarray, speed: Any) -> dict[str
     state |= {f"{name}_rate": np.zeros(1) for name in fields.initial()}
     run = SimpleNamespace(fluids={"main": fields.memory(start * speed(0.0))}, faults={"main": state}, fault_time=0.0)
     history = [{name: values[0] for name, values in state.items()}]
-    for begin, end in zip(times[:-1], times[1:], strict=True):
+    for begin, end in pairwise(times):
         dt = end - begin
         fields.plan(fault, run, dt)  # type: ignore[arg-type]
         old = {name: values.copy() for name, values in state.items()}

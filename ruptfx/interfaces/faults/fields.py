@@ -1,8 +1,8 @@
 """Fields of an interface: pore pressure and temperature, which friction laws read.
 
 A field is the sum of contributions (`Contribution`), one for each entry of ``[faults.NAME.pore_pressure]`` and
-``[faults.NAME.temperature]``. A step has two parts. `FaultFields.plan` comes first: it extrapolates the heat of friction
-and sets the rates of the fields, which the friction law adds up over the step (`ruptfx.laws.friction.in_fields`).
+``[faults.NAME.temperature]``. A step has two parts. `FaultFields.plan` comes first: it extrapolates the heat of
+friction and sets the rates of the fields, which the law adds up over the step (`ruptfx.laws.friction.in_fields`).
 `FaultFields.complete` comes last: it computes the memory of the contributions with the heat of the step. Explicit steps
 call both through a mechanism, implicit steps through `FaultResponse`. Runge-Kutta steps evaluate the fields at any time
 in between with `FaultFields.values`.
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -24,7 +24,19 @@ from ruptfx.laws.friction.in_fields import InFields, rate_of
 
 if TYPE_CHECKING:
     from ruptfx.bodies.state import State
-    from ruptfx.interfaces.faults.fault import Fault
+    from ruptfx.interfaces.faults.interface import Interface
+
+
+class WithFields(Protocol):
+    """What the fields use of a fault."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def interface(self) -> Interface: ...
+    @property
+    def fields(self) -> FaultFields: ...
+    def components(self, state: Mapping[str, np.ndarray], name: str) -> np.ndarray: ...
 
 TOLERANCE = 1e-3
 """Tolerated difference between the planned pressure of a step and that of its heat, over the normal stress."""
@@ -162,7 +174,7 @@ class FaultFields:
         for each, own in self._with_memory(memory):
             each.plan(own, time, dt)
 
-    def plan(self, fault: Fault, state: State, dt: float) -> None:
+    def plan(self, fault: WithFields, state: State, dt: float) -> None:
         """Set the rates of the fields over a step of the length `dt` [s] with an extrapolated heat; collective."""
         if not self:
             return
@@ -179,7 +191,7 @@ class FaultFields:
         return Heating(power, np.maximum(power + grown, 0.0) * dt, dt)
 
     def heating(
-        self, fault: Fault, memory: FaultState, old: FaultState, new: FaultState, dt: float,
+        self, fault: WithFields, memory: FaultState, old: FaultState, new: FaultState, dt: float,
         radiation: np.ndarray | float = 0.0,
     ) -> tuple[Heating, np.ndarray]:  # fmt: skip
         """Return the heat of friction in a step, and the power at its end [W/m2], shape (n,).
@@ -199,7 +211,7 @@ class FaultFields:
         return Heating(memory["power"][:, 0].copy(), np.where(added != 0, added, heat), dt), power
 
     def complete(
-        self, fault: Fault, state: State, old: FaultState, new: FaultState, dt: float,
+        self, fault: WithFields, state: State, old: FaultState, new: FaultState, dt: float,
         ends_at: float, radiation: np.ndarray | float = 0.0,
     ) -> None:  # fmt: skip
         """Set the memory to that at the end of a step between the tractions `old` and `new`, which ends at a time [s].
@@ -224,7 +236,7 @@ class FaultFields:
         self._require_pressed(fault, new, ends_at)
 
     @staticmethod
-    def _require_pressed(fault: Fault, fields: FaultState, time: float) -> None:
+    def _require_pressed(fault: WithFields, fields: FaultState, time: float) -> None:
         pressure, normal = fields.get("pore_pressure"), fields["normal_stress"]
         wrong = [] if pressure is None else np.flatnonzero((pressure > normal) & (normal > 0))
         if len(wrong) and pressure is not None:
@@ -237,7 +249,7 @@ class FaultFields:
             )
 
     def error(
-        self, fault: Fault, state: State, new: FaultState, dt: float, radiation: np.ndarray | float = 0.0
+        self, fault: WithFields, state: State, new: FaultState, dt: float, radiation: np.ndarray | float = 0.0
     ) -> float:
         """Return the error of the planned pressure of a step over its tolerance, largest of this rank."""
         if "pore_pressure" not in new:
@@ -262,19 +274,19 @@ def _started(law: FrictionLaw, initial: Mapping[str, np.ndarray]) -> FrictionLaw
     return law.substituted(changes)
 
 
-def _friction(fault: Fault, fields: FaultState, radiation: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+def _friction(fault: WithFields, fields: FaultState, radiation: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
     """Return the traction of friction [Pa], shape (n, tangents), and its power [W/m2], shape (n,)."""
     rate = fault.components(fields, "slip_rate")
     traction = fault.components(fields, "shear_traction") - np.reshape(radiation, (-1, 1)) * rate
     return traction, np.maximum(np.sum(traction * rate, axis=1), 0.0)
 
 
-def power_of(fault: Fault, fields: FaultState) -> np.ndarray:
+def power_of(fault: WithFields, fields: FaultState) -> np.ndarray:
     """Return the power of friction [W/m2], shape (n,)."""
     return _friction(fault, fields, 0.0)[1]
 
 
-def plan_fields(faults: Iterable[Fault], state: State, dt: float) -> None:
+def plan_fields(faults: Iterable[WithFields], state: State, dt: float) -> None:
     """Set the rates of the fields of all interfaces over a step of the length `dt` [s]; collective."""
     for fault in faults:
         fault.fields.plan(fault, state, dt)

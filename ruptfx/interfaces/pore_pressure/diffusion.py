@@ -11,10 +11,10 @@ from pydantic import Field, model_validator
 from ruptfx.bodies.boundaries.histories import History, course
 from ruptfx.input.profiles.places import Center, distance
 from ruptfx.input.schema import CaseError, Part, Unit
-from ruptfx.input.units import Compressibility, Fraction, Length, Viscosity, VaryingPermeability, VaryingPressure
-from ruptfx.interfaces.faults.along import Along, AlongStep, on_all_ranks
+from ruptfx.input.units import Compressibility, Fraction, Length, VaryingPermeability, VaryingPressure, Viscosity
 from ruptfx.interfaces.faults.fields import Contribution, Heating
 from ruptfx.interfaces.pore_pressure import PorePressure
+from ruptfx.interfaces.pore_pressure._along import Along, AlongStep, on_all_ranks
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ class Well(Part):
             raise ValueError("rate, pressure: give one of them")
         if self.pressure is not None and self.half_width is not None:
             raise ValueError(
-                f"half_width = {self.half_width:g}: a known pressure is that of one point; remove half_width, or give rate "
-                "instead of pressure"
+                f"half_width = {self.half_width:g}: a known pressure is that of one point; remove half_width, or give "
+                "rate instead of pressure"
             )
         return self
 
@@ -83,6 +83,11 @@ class Diffusion(PorePressure):
     """Rim of the interface: `no_flux`, or `fixed` for the initial pressure."""
 
     def bind(self, model: System, face: Interface, key: str) -> PressureAlong:
+        if model.case.mesh.along_strike is not None:
+            raise CaseError(
+                f"{key}.kind = 'diffusion': not along a section that repeats along strike, mesh.along_strike; use kind = "
+                "'given', or a mesh of the whole bodies"
+            )
         for number, well in enumerate(self.wells):
             _check_place(model, face, well, f"{key}.wells.{number}.center")
         return PressureAlong(self, model, face, key.split(".")[1])
@@ -100,11 +105,11 @@ def _check_place(model: System, face: Interface, well: Well, key: str) -> None:
     if face.across is not None:
         deepest = parallel.largest(model.comm, float(face.across.max(initial=0.0)))
         ranges.append((0.0, deepest))
-    for value, (first, last) in zip(place, ranges, strict=False):
+    for value, (first, last) in zip(place, ranges, strict=True):
         if not first <= value <= last:
             raise CaseError(
-                f"{key} = {value:.6g} m: the well is off the interface, whose points are from {first:.6g} to {last:.6g} m; "
-                "move it onto the interface"
+                f"{key} = {value:.6g} m: the well is off the interface, whose points are from {first:.6g} to "
+                f"{last:.6g} m; move it onto the interface"
             )
 
 
@@ -129,7 +134,8 @@ class PressureAlong(Contribution):
             for axis in places.reshape(face.total, -1).T:
                 near = RIM * np.ptp(axis)
                 self._fixed |= (axis <= axis.min() + near) | (axis >= axis.max() - near)
-        self._rates, self._pressures = [], []
+        self._rates: list[tuple[Well, np.ndarray]] = []
+        self._pressures: list[tuple[Well, np.ndarray]] = []
         for well in table.wells:
             away = distance(places, well.center)
             share = np.zeros(face.total)
@@ -149,12 +155,12 @@ class PressureAlong(Contribution):
 
     def _known(self, time: float) -> np.ndarray:
         """Return the change of the pressure at points of known pressure [Pa], zero elsewhere."""
-        return sum((share * well.pressure * course(time, 0.0, well.history) for well, share in self._pressures),
-                   np.zeros(self._face.total))  # fmt: skip
+        known = (share * (well.pressure or 0.0) * course(time, 0.0, well.history) for well, share in self._pressures)
+        return sum(known, np.zeros(self._face.total))
 
     def _source(self, time: float) -> np.ndarray:
         """Return the volume that enters per time at each point, over the thickness of the layer."""
-        rates = (share * well.rate * course(time, 0.0, well.history) for well, share in self._rates)
+        rates = (share * (well.rate or 0.0) * course(time, 0.0, well.history) for well, share in self._rates)
         return sum(rates, np.zeros(self._face.total)) / self._table.thickness
 
     def memory(self) -> dict[str, np.ndarray]:

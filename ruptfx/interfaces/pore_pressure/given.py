@@ -27,15 +27,15 @@ class Given(PorePressure):
     history: History | None = None
     """Factor in time; without it the pressure is constant."""
     file: CasePath | None = None
-    """CSV file with time, position and pressure at the points of a grid, instead of both; linear in between. Its header may
-    give the units, as in `time (d), position (km), pressure (Pa)`."""
+    """CSV file with time, position and pressure at the points of a grid, instead of both; linear in between.
+    Its header may give the units, as in `time (d), position (km), pressure (Pa)`."""
 
     @model_validator(mode="after")
     def _one_source(self) -> Given:
         if (self.pressure is None) == (self.file is None):
             raise ValueError("pressure, file: give one of them")
         if self.file is not None and self.history is not None:
-            raise ValueError("history: the file has the values over time; remove it, or give pressure instead of file")
+            raise ValueError("history: the file has values over time; remove it, or give pressure instead of file")
         return self
 
     def bind(self, model: System, face: Interface, key: str) -> KnownField:

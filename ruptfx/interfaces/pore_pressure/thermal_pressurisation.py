@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
 
 APART = 1e-4
-"""Least relative difference of the diffusivities in the formula of two diffusions; equal ones are moved apart by it, which
-changes the pressure by its square."""
+"""Least relative difference of the diffusivities in the formula of two diffusions; equal ones are moved apart by it,
+which changes the pressure by its square."""
 
 
 class ThermalPressurisation(PorePressure):

@@ -27,15 +27,15 @@ class Given(Temperature):
     history: History | None = None
     """Factor in time; without it the temperature is constant."""
     file: CasePath | None = None
-    """CSV file with time, position and temperature at the points of a grid, instead of both; linear in between. Its header may
-    give the units, as in `time (d), position (km), temperature (K)`."""
+    """CSV file with time, position and temperature at the points of a grid, instead of both; linear in between.
+    Its header may give the units, as in `time (d), position (km), temperature (K)`."""
 
     @model_validator(mode="after")
     def _one_source(self) -> Given:
         if (self.temperature is None) == (self.file is None):
             raise ValueError("temperature, file: give one of them")
         if self.file is not None and self.history is not None:
-            raise ValueError("history: the file has the values over time; remove it, or give temperature instead of file")
+            raise ValueError("history: the file has values over time; remove it, or give temperature instead of file")
         return self
 
     def bind(self, model: System, face: Interface, key: str) -> KnownField:

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import model_validator
 
 from ruptfx import RuptfxError, Table
-from ruptfx.input.fields import Array as Array
 from ruptfx.input.fields import INTERFACE_FIELDS, reserved_names
+from ruptfx.input.fields import Array as Array
 from ruptfx.input.schema import Alternative, alternative
 from ruptfx.laws.friction.lengths import Breakdown, RateDependence
 

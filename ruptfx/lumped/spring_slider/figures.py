@@ -7,7 +7,17 @@ import xarray
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from ruptfx.results.figure_style import ACCENT, ONE_COLUMN, RATE_MAP, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
+from ruptfx.results.figure_style import (
+    ACCENT,
+    ONE_COLUMN,
+    RATE_MAP,
+    STEADY,
+    STICK_SLIP,
+    WIDTH,
+    blank_figure,
+    letter,
+    styled,
+)
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:

@@ -159,8 +159,9 @@ class WithFields(Evolution):
         step = heating.elapsed or 1.0
         rates = {rate_of(name): (values - self._begun[name]) / step for name, values in fields.items()}
         known = {**self._inner.state(variables[:, :-2]), **fields, **rates}
-        heat = {"frictional_heat": self._begun["frictional_heat"] + heating.heat} if self._fault.fields.is_heated else {}
-        return {**known, **heat}
+        if self._fault.fields.is_heated:
+            known["frictional_heat"] = self._begun["frictional_heat"] + heating.heat
+        return known
 
     def rates(self, state: LawState, slip_rate: np.ndarray, normal_stress: np.ndarray) -> np.ndarray:
         inner = self._inner.rates(state, slip_rate, normal_stress)
