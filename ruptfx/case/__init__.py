@@ -332,12 +332,12 @@ class Case(CaseFile):
                 choices[f"faults.{name}.gap"] = type(fault)
             if fault.prescribed_slip:
                 choices[f"faults.{name}.prescribed_slip"] = type(fault)
-        if self.mesh.along_strike is not None:
-            choices["mesh.along_strike"] = type(self.mesh.along_strike)
             choices |= {
                 f"faults.{name}.{field}": type(fault) for field in ("pore_pressure", "temperature")
                 if getattr(fault, field)
             }  # fmt: skip
+        if self.mesh.along_strike is not None:
+            choices["mesh.along_strike"] = type(self.mesh.along_strike)
         choices |= {key: type(boundary) for key, boundary in self.all_boundaries()}
         choices |= {f"attachments.{number}": type(each) for number, each in enumerate(self.attachments)}
         for key, damping in self.all_dampings():

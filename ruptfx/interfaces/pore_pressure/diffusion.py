@@ -85,8 +85,8 @@ class Diffusion(PorePressure):
     def bind(self, model: System, face: Interface, key: str) -> PressureAlong:
         if model.case.mesh.along_strike is not None:
             raise CaseError(
-                f"{key}.kind = 'diffusion': not along a section that repeats along strike, mesh.along_strike; use kind = "
-                "'given', or a mesh of the whole bodies"
+                f"{key}.kind = 'diffusion': not along a section that repeats along strike, mesh.along_strike; use "
+                "kind = 'given', or a mesh of the whole bodies"
             )
         for number, well in enumerate(self.wells):
             _check_place(model, face, well, f"{key}.wells.{number}.center")
