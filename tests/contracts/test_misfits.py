@@ -88,6 +88,30 @@ def test_a_time_shift_is_recovered_with_a_number(method: str, tmp_path: Path) ->
         assert float(result[f"{SHIFT}.best"][0]) == made.unknowns[0].best[0]
 
 
+@pytest.mark.parametrize("first, second", [
+    ("G1 (ue)", "G2 (ue)"), ("G1.extension_1 (ue)", "G2.extension_1 (ue)"), ("g1 45 deg (ue)", "G2 -45° (ue)"),
+])  # fmt: skip
+def test_one_file_of_several_gauges_serves_all_terms(first: str, second: str, tmp_path: Path) -> None:
+    """Each term takes the columns with the name of its instrument, and is that of a file of its own."""
+    gauges = [{"kind": "strain_gauge", "name": name, "interval": 1e-7, "point": [18e-3, 2e-3], "angles": [angle]}
+              for name, angle in (("G1", np.pi / 4), ("G2", -np.pi / 4))]  # fmt: skip
+    values = [(1e6 * float(t), 10 * n, -3 * n) for n, t in enumerate(TIMES)]
+    rows = "\n".join(f"{t!r},{a},{b}" for t, a, b in values)
+    (tmp_path / "logger.csv").write_text(f"time (us),{first},{second}\n{rows}\n")
+    terms = [{"kind": "traces", "instrument": name, "file": "logger.csv", "sigma": "8 ue"} for name in ("G1", "G2")]
+    case = case_with(terms[0], tmp_path, instruments=gauges, objective=terms)
+    for term, column in zip(case.objective, (1, 2), strict=True):
+        (measured,) = term.measured()
+        np.testing.assert_allclose(measured.values, [1e-6 * row[column] for row in values], rtol=1e-12)
+    both = Objective(case, case.objective, record=False)
+    strains = [sample.values for _, sample in both.samples]
+    wanted = sum(
+        0.5 * np.sum(((strain - 1e-6 * np.array(values)[:, column]) / 8e-6) ** 2)
+        for strain, column in zip(strains, (1, 2), strict=True)
+    )
+    assert both.value == pytest.approx(wanted, rel=1e-12) and np.abs(strains[0] + strains[1]).max() > 1e-7
+
+
 def test_gain_and_offset_are_in_value_and_derivatives() -> None:
     """Half the sum of ((1.2 r - 30 mm/s - d) / sigma)^2: both derivatives by hand, and that of D_c times the gain."""
     changed = {"gain": 1.2, "offset": "-30 mm/s"}

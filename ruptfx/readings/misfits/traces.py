@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -17,11 +18,14 @@ from ruptfx.input.quantities import factor, si_and_units
 from ruptfx.input.schema import CaseError, Name, Unit, nearest
 from ruptfx.input.units import Duration, Frequency, Instant, Positive, without_unit
 from ruptfx.readings.filter import filtered
-from ruptfx.readings.instruments import Instrument
+from ruptfx.readings.instruments import Channel, Instrument
 from ruptfx.readings.misfits import Floats, Measured, Misfit, Request, Sample, Trace
 
 if TYPE_CHECKING:
     from ruptfx.readings.instruments.model_readings import ModelReadings
+
+
+_ANGLE = re.compile(r"at (-?[\d.e+-]+) degrees")  # in the long name of the grid of a strain gauge
 
 
 class Traces(Misfit):
@@ -29,10 +33,11 @@ class Traces(Misfit):
 
     The readings have the filter of the instrument (`bandwidth`) and are interpolated linearly to the times of the data.
     Columns of a CSV file are the time and channels of the instrument, each with its unit in the header:
-    `time (us), slip_rate (m/s)`. Another file is NetCDF, of which the group of the instrument is read, as
-    `instruments.h5` of a run has one, or the variables of the file, if it has no groups; `time` and every channel have
-    an attribute `units`. A case contains the data, not the file. Data before the start of the run or after its end are
-    refused; `begin` and `end` leave them out.
+    `time (us), slip_rate (m/s)`; of a file of several instruments those with its name, `G1 (um/m)` of a single channel,
+    `G1.extension_1 (um/m)`, `G1 45 deg (um/m)`. Another file is NetCDF, of which the group of the instrument is read,
+    as `instruments.h5` of a run has one, or the variables of the file, if it has no groups; `time` and every channel
+    have an attribute `units`. A case contains the data, not the file. Data before the start of the run or after its
+    end are refused; `begin` and `end` leave them out.
     """
 
     example: ClassVar[str] = (
@@ -157,12 +162,13 @@ class Traces(Misfit):
                 f"{key}.instrument = '{self.instrument}': a grid of receivers has no traces; add an instrument of "
                 "kind = 'receiver' where the data are"
             )
-        value = {channel.name: channel for channel in instrument.channels(bodies, f"instruments.{number}")}
+        channels = instrument.channels(bodies, f"instruments.{number}")
+        value = _aliases(channels, self.instrument)
         chosen = self._chosen
         units = set()
         for name in chosen:
             if name not in value:
-                hint = nearest(name, list(value))
+                hint = nearest(name, [channel.name for channel in channels])
                 raise CaseError(f"{key}.data.{name}: '{self.instrument}' has no such channel, {hint}")
             if name not in self.data:
                 raise CaseError(f"{key}.channels: there are no data of '{name}'; add them, or remove it")
@@ -267,7 +273,29 @@ def _from_text(
     if not rest:
         raise ValueError(f"{path}: has one column; it needs the time and one channel or more, as velocity (m/s)")
     seconds = (np.array(times) * float(factor(unit, "s"))).tolist()
-    return seconds, {name: column for name, (column, _) in rest}, {name: unit for name, (_, unit) in rest}
+    own = [(name, _own(name, instrument), values) for name, values in rest]
+    if any(channel is not None for _, channel, _ in own):  # columns of several instruments
+        own = [each for each in own if each[1] is not None]
+    named = {channel or name: values for name, channel, values in own}
+    data = {name: column for name, (column, _) in named.items()}
+    return seconds, data, {name: unit for name, (_, unit) in named.items()}
+
+
+def _own(column: str, instrument: str) -> str | None:
+    """Return the channel of a column that is called `G1`, `G1.extension_1` or `G1 45 deg`; None of other columns."""
+    first, rest = column[: len(instrument)], column[len(instrument) :]
+    if first.lower() != instrument.lower() or (rest and rest[0] not in ". "):
+        return None
+    return rest[1:].strip() or instrument
+
+
+def _aliases(channels: Sequence[Channel], instrument: str) -> dict[str, Channel]:
+    """Return the channels by the names that columns of a file may have."""
+    names = {instrument: channels[0]} if len(channels) == 1 else {}
+    for channel in channels:
+        if match := _ANGLE.search(channel.long_name):
+            names |= {f"{float(match[1]):g}{unit}": channel for unit in (" deg", "deg", "°", " °")}
+    return names | {channel.name: channel for channel in channels}
 
 
 def _from_run(
