@@ -41,7 +41,7 @@ STEP = [
     [Box("stepping/steppers/leapfrog.py: LeapfrogMotion, step, _advance", "calls the phases below in this order;\n"
          "of each phase the mechanisms that have it, in ascending `order`")],
     [Box("interfaces/mechanisms/__init__.py: prepare, add_first", "geometry, pairing; forces of facets"),
-     Box("bodies/operators/matrix_free.py: step_boundary, step_interior", "forces of elements; v and u of plain nodes",
+     Box("bodies/operators/matrix_free.py: step", "forces of elements; v and u of plain nodes",
          "c")],
     [Box("interfaces/mechanisms/__init__.py: add_internal, add_external", "damping, loads, attachments"),
      Box("interfaces/mechanisms/stepped_nodes.py: kick", "v += dt f / m at the other nodes", "c")],

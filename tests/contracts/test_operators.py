@@ -295,7 +295,7 @@ def volume(bulk: Bulk, index: int) -> float:
 FUSED = [setting for setting in SETTINGS if setting.order <= 4]
 fused = pytest.mark.parametrize("kind", [
     kind for kind in kinds("ruptfx.bodies.operators")
-    if any(hasattr(each, "step_boundary") for each in vars(own_module("ruptfx.bodies.operators", kind)).values())
+    if any(hasattr(each, "prepare_step") for each in vars(own_module("ruptfx.bodies.operators", kind)).values())
 ])  # fmt: skip
 
 
@@ -371,7 +371,7 @@ def shared_nodes(bulk: Bulk) -> np.ndarray:
 
 @fused
 def test_shared_forces_are_ready_before_the_interior(kind: str) -> None:
-    """What travels while the interior is computed is complete after `step_boundary` and untouched afterwards."""
+    """What travels while the interior is computed is complete after the step of the boundary, then untouched."""
     setting = SETTINGS[3]
     bulk, operator = make_bulk(setting), make_operator(kind, setting)
     displacement, velocity = random_fields(bulk, 2)
@@ -379,10 +379,10 @@ def test_shared_forces_are_ready_before_the_interior(kind: str) -> None:
     expected = internal_force(operator, displacement)[shared]
     operator.prepare_step(np.zeros(local_size(bulk) // 2, dtype=bool))
     force, inverse_mass = np.zeros_like(displacement), np.ones(local_size(bulk) // 2)
-    operator.step_boundary(displacement, velocity, force, inverse_mass, 0.1)
+    operator.step(displacement, velocity, force, inverse_mass, 0.1, part="boundary")
     np.testing.assert_allclose(force[shared], expected, rtol=0, atol=1e-13 * np.abs(expected).max(initial=1))
     force[shared] = np.nan
-    operator.step_interior(displacement, velocity, force, inverse_mass, 0.1)
+    operator.step(displacement, velocity, force, inverse_mass, 0.1, part="interior")
     assert np.isnan(force[shared]).all() and np.isfinite(displacement).all()
 
 

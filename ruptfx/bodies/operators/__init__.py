@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -240,6 +240,10 @@ class Inelastic:
     dt: float = 0.0
 
 
+StepPart = Literal["all", "boundary", "interior"]
+"""Elements of a step: all of them, those at nodes shared with other ranks, or the others."""
+
+
 @runtime_checkable
 class FusedOperator(Operator, Protocol):
     """Operator that also makes explicit steps: it updates nodes as soon as their force is complete."""
@@ -254,19 +258,12 @@ class FusedOperator(Operator, Protocol):
         Nodes shared with other ranks are always left to the caller.
         """
 
-    def step_boundary(  # noqa: PLR0913
+    def step(  # noqa: PLR0913
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
-        inelastic: Inelastic | None = None,
+        inelastic: Inelastic | None = None, part: StepPart = "all",
     ) -> float:
-        """Compute the first part of a step, as `MatrixFree.step`: elements at nodes shared with other ranks."""
-
-    def step_interior(  # noqa: PLR0913
-        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
-        inelastic: Inelastic | None = None,
-    ) -> float:
-        """Compute the remaining part of the step."""
+        """Make a step, as `MatrixFree.step`, or one of its two parts."""
 
 
 @runtime_checkable

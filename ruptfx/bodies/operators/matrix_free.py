@@ -15,7 +15,7 @@ from importlib.resources import files
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.bodies.operators import Bulk, Damped, Inelastic, InsertedSweep, nodes_of_sweeps
+from ruptfx.bodies.operators import Bulk, Damped, Inelastic, InsertedSweep, StepPart, nodes_of_sweeps
 from ruptfx.bodies.operators.geometry import AFFINE, BOX, VARYING, geometry_element, is_tensor, numbers, root_of_size
 from ruptfx.laws.materials.stiffness import linear_stiffness
 from ruptfx.platform import fem
@@ -213,7 +213,7 @@ class MatrixFree:
     def step(  # noqa: PLR0913
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
-        inelastic: Inelastic | None = None,
+        inelastic: Inelastic | None = None, part: StepPart = "all",
     ) -> float:
         """Add the internal force of all elements and make one leapfrog step of every node not left to the caller.
 
@@ -236,47 +236,24 @@ class MatrixFree:
             The elements are, where the operator `damps`.
         inelastic : Inelastic, optional
             Its force acts beside that of the elements, and its states advance; not together with `damped`.
+        part : {"all", "boundary", "interior"}
+            Elements at nodes shared with other ranks come first: after "boundary" `force` is ready to send, and
+            "interior" does not access the force of these nodes.
 
         Returns
         -------
         float
             With decay below 1: sum over plain nodes of |(old + new velocity) / 2|^2 / inverse_mass [J], else 0.
         """
-        arrays = displacement, velocity, force, inverse_mass
-        return self._run(0, self._blocks, arrays, dt, decay, energy, damped, inelastic)
-
-    def step_boundary(  # noqa: PLR0913
-        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
-        inelastic: Inelastic | None = None,
-    ) -> float:
-        """Compute the first part of `step`: elements at nodes shared with other ranks.
-
-        After it `force` is ready to send.
-        """
-        if not self._boundary_blocks:
+        first = self._boundary_blocks if part == "interior" else 0
+        last = self._boundary_blocks if part == "boundary" else self._blocks
+        if not last:
             return 0.0
-        arrays = displacement, velocity, force, inverse_mass
-        return self._run(0, self._boundary_blocks, arrays, dt, decay, energy, damped, inelastic)
-
-    def step_interior(  # noqa: PLR0913
-        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
-        inelastic: Inelastic | None = None,
-    ) -> float:
-        """Compute the remaining part of `step`; it does not access the force of nodes shared with other ranks."""
-        arrays = displacement, velocity, force, inverse_mass
-        return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy, damped, inelastic)
-
-    def _run(  # noqa: PLR0913
-        self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float,
-        energy: np.ndarray | None, damped: Damped | None, inelastic: Inelastic | None,
-    ) -> float:  # fmt: skip
         assert damped is None or inelastic is None
         assert inelastic is not None or not self._ends, "nodes of inserted sweeps need their force"
-        *vectors, inverse_mass = arrays
         return self._library.step(
-            ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*vectors),
+            ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last),
+            *self._pointers(displacement, velocity, force),
             *self._pointers(inverse_mass, size=1), ctypes.c_double(dt), ctypes.c_double(decay),
             address(energy),
             ctypes.c_double(0.0 if damped is None else damped.eta),

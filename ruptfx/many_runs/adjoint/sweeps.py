@@ -457,9 +457,9 @@ class _Backward:
         else:
             plain = self._motion.nodes.kicks[kick]
             how = self._d, self._v, force, plain.plain_push, self._motion.dt, plain.plain_keep
-            self._fused.step_boundary(*how)
+            self._fused.step(*how, part="boundary")
             model.force.begin()
-            self._fused.step_interior(*how)
+            self._fused.step(*how, part="interior")
         model.force.end()
         model.loads.add_support_force(self._d, force)
         self.a[here] += force[here]

@@ -196,13 +196,13 @@ class LeapfrogMotion:
         how = state.displacement, state.velocity, state.force, kick.plain_push, self.dt, kick.plain_keep
         squares = 0.0
         if self._fused:
-            squares += self._fused.step_boundary(*how, energy, self._damped, self._inelastic)
+            squares += self._fused.step(*how, energy, self._damped, self._inelastic, "boundary")
         else:
             self.model.operator.add_internal_force(state.displacement, state.force)
         self._call(state, kick, self._add_with_elements)
         self.model.force.begin()
         if self._fused:
-            squares += self._fused.step_interior(*how, energy, self._damped, self._inelastic)
+            squares += self._fused.step(*how, energy, self._damped, self._inelastic, "interior")
             state.energy["damping"] += kick.plain_loss * squares
         self.model.force.end()
 
