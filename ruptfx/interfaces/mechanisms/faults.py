@@ -80,6 +80,9 @@ class Faults(Mechanism):
 
         for fault in self.faults:
             if len(fault.interface.plus):
+                yield from rows.place_rows(self.model, fault)
+                if fault.is_held.all():
+                    continue  # no point rubs
                 yield from rows.fault_rows(self.model, fault)
                 yield from self._check_surfaces(fault, plan)
                 yield from rows.rows_without_effect(self.model, fault)

@@ -1,8 +1,9 @@
 """Histories of slip of finite-fault models: a grid of subfaults, each with a rake and a history of its own.
 
-Between the centres of subfaults slip is bilinear; from the outermost ones it decreases to zero over one subfault,
-half of which is beyond the edge of the model, so that the potency of every subfault is that of the file. At an edge
-of the interface it does not decrease: the surface of the Earth, for example.
+Between the centres of subfaults slip and the time of its onset are bilinear, so that a rupture spreads continuously.
+From the outermost ones slip decreases to zero over one subfault, half of which is beyond the edge of the model, so that
+the potency of every subfault is that of the file. At an edge of the interface it does not decrease: the surface of the
+Earth, for example.
 """
 
 from __future__ import annotations
@@ -34,19 +35,21 @@ class Model:
         Of a subfault, along strike and down dip [m].
     rake : ndarray, shape (down, along)
         Direction of slip of the hanging wall [degrees]: 0 along strike, 90 up dip.
-    slip, rate : callable
-        Slip [m] and slip rate [m/s] along the rake, and across it (rake + 90 degrees), at a time, shape (2, down,
-        along).
-    jump : ndarray, shape (down, along)
-        Largest sudden change of the slip rate [m/s].
+    onset : ndarray, shape (down, along)
+        Time at which slip begins [s].
+    final : ndarray, shape (down, along)
+        Whether a subfault slips.
+    course : callable
+        Slip [m] and slip rate [m/s] along the rake, and across it (rake + 90 degrees), shape (2, n) each, of subfaults
+        with given numbers, shape (n,), at times since their onset, shape (n,).
     """
 
     length: float
     width: float
     rake: Array
-    slip: Callable[[float], Array]
-    rate: Callable[[float], Array]
-    jump: Array
+    onset: Array
+    final: Array
+    course: Callable[[Array, Array], tuple[Array, Array]]
 
 
 class FiniteFault(SlipHistory):
@@ -92,23 +95,27 @@ class FiniteFault(SlipHistory):
         edge = (ends - begin) * (1 if forward else -1) / model.length
         rows = _hats(y, down, (-self.dip / model.width, (width - self.dip) / model.width))
         columns = _hats(x, along, (edge[0], edge[1]))
-        weights = [(r[0] * c[0], r[1], c[1]) for r in rows for c in columns]
-        inside = sum(weight for weight, _, _ in weights) > 0
+        weights = np.stack([r[0] * c[0] for r in rows for c in columns])
+        number = np.stack([r[1] * along + c[1] for r in rows for c in columns])
+        begun = weights * model.final.ravel()[number]  # slip begins at no time where there is none
+        onset = self.delay + np.sum(begun * model.onset.ravel()[number], axis=0) / np.maximum(begun.sum(axis=0), 1e-300)
         # The normal is first x second tangent: where the strike runs backwards the plus side is the hanging wall.
-        side = 1.0 if not forward else -1.0
-        angle = np.radians(model.rake)
-        ahead = np.stack([np.cos(angle) * (1 if forward else -1), -np.sin(angle)]) * side
-        aside = np.stack([-np.sin(angle) * (1 if forward else -1), -np.cos(angle)]) * side
+        side, strike = (-1.0, 1.0) if forward else (1.0, -1.0)
+        angle = np.radians(model.rake.ravel()[number])
+        ahead = side * np.stack([strike * np.cos(angle), -np.sin(angle)], axis=2)
+        aside = side * np.stack([-strike * np.sin(angle), -np.cos(angle)], axis=2)
 
-        def spread(values: Array) -> Array:
-            vectors = values[0] * ahead + values[1] * aside
-            return np.stack([sum(w * each[i, j] for w, i, j in weights) for each in vectors], axis=1)
+        def spread(time: float, which: int) -> Array:
+            total = np.zeros((len(onset), 2))
+            for w, k, a, b in zip(weights, number, ahead, aside, strict=True):
+                one, two = model.course(k, time - onset)[which]
+                total += w[:, None] * (one[:, None] * a + two[:, None] * b)
+            return total
 
-        jump = np.asarray(sum(w * model.jump[i, j] for w, i, j in weights))
-        note = f"{self.file}: {along} x {down} subfaults of {model.length:.6g} x {model.width:.6g} m"
+        note = f"{self.file}: {along} x {down} subfaults of {model.length:.6g} m x {model.width:.6g} m"
         return History(
-            inside & self.reaches(face), lambda time: spread(model.slip(time - self.delay)),
-            lambda time: spread(model.rate(time - self.delay)), jump, note,
+            (weights.sum(axis=0) > 0) & self.reaches(face), lambda time: spread(time, 0), lambda time: spread(time, 1),
+            np.zeros(len(onset)), note,
         )  # fmt: skip
 
     def _require_inside(self, face: Interface, model: Model, strike: tuple[float, bool], width: float) -> None:
@@ -121,10 +128,11 @@ class FiniteFault(SlipHistory):
         (begin, forward), (down, along) = strike, model.rake.shape
         length, deep = along * model.length, self.dip + down * model.width
         first, last = (begin, begin + length) if forward else (begin - length, begin)
-        slack = 1e-3 * min(model.length, model.width)
+        # The rim of a fault that ends inside of the bodies is welded: a subfault is inside if its middle is.
+        along_slack, down_slack = 0.5 * model.length, 0.5 * model.width
         if (
-            first < face.line.first - slack or last > face.line.last + slack
-            or self.dip < -slack or deep > width + slack
+            first < face.line.first - along_slack or last > face.line.last + along_slack
+            or self.dip < -down_slack or deep > width + down_slack
         ):  # fmt: skip
             raise CaseError(
                 f"{self.file}: the model covers positions from {first:.6g} to {last:.6g} m and dips from "

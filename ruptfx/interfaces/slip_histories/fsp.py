@@ -123,11 +123,12 @@ def _read(file: str, rise_time: float | None, rupture_speed: float | None) -> Mo
         raise ValueError(f"{path}: rise times of subfaults that slip must be positive, and rupture times not negative")
     rises = np.where(rises > 0, rises, 1.0)
 
-    def course(time: float, which: int) -> np.ndarray:
-        value = slip * ramp(time - starts, rises, SMOOTHED * rises)[which]
-        return np.stack([value, 0 * value])
+    def course(number: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        of_ramp, rise = slip.ravel()[number], rises.ravel()[number]
+        grown, growth = ramp(time, rise, SMOOTHED * rise)
+        return np.stack([of_ramp * grown, 0 * grown]), np.stack([of_ramp * growth, 0 * growth])
 
-    return Model(length, width, rake, lambda time: course(time, 0), lambda time: course(time, 1), np.zeros(slip.shape))
+    return Model(length, width, rake, starts, slip != 0, course)
 
 
 def _known(columns: dict[str, np.ndarray], name: str) -> np.ndarray | None:

@@ -99,12 +99,12 @@ class Sampled:
 
     Attributes
     ----------
-    start, dt : ndarray, shape (n,)
-        Time of the zero before the first sample, and interval [s].
+    dt : ndarray, shape (n,)
+        Interval [s]; the zero before the first sample is at time 0.
     """
 
-    def __init__(self, start: list[float], dt: list[float], rates: list[list[float]]) -> None:
-        self.start, self.dt = np.array(start), np.array(dt)
+    def __init__(self, dt: list[float], rates: list[list[float]]) -> None:
+        self.dt = np.array(dt)
         padded = [np.concatenate([[0.0], each, [0.0]]) if each else np.zeros(2) for each in rates]
         self._first = np.concatenate([[0], np.cumsum([len(each) for each in padded])])[:-1]
         self._last = np.array([len(each) for each in padded]) - 1
@@ -119,13 +119,14 @@ class Sampled:
         """Final slip, shape (n,)."""
         return self._slip[self._first + self._last]
 
-    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return slip and slip rate at a time, shape (n,)."""
-        x = np.clip((time - self.start) / self.dt, 0.0, self._last)
-        i = np.minimum(np.floor(x).astype(int), self._last - 1)
-        part, at = x - i, self._first + i
+    def at(self, number: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return slip and slip rate of some histories at times since their start, shape (n,)."""
+        dt, last = self.dt[number], self._last[number]
+        x = np.clip(time / dt, 0.0, last)
+        i = np.minimum(np.floor(x).astype(int), last - 1)
+        part, at = x - i, self._first[number] + i
         rate = self._rates[at] + part * (self._rates[at + 1] - self._rates[at])
-        return self._slip[at] + 0.5 * part * (self._rates[at] + rate) * self.dt, rate
+        return self._slip[at] + 0.5 * part * (self._rates[at] + rate) * dt, rate
 
 
 @read_once
@@ -151,16 +152,15 @@ def _read(file: str, plane: int) -> Model:
     skipped = sum(along * down for along, down, _, _ in planes[:plane])
     along, down, length, width = planes[plane]
     some = points[skipped : skipped + along * down]
-    rake, series = np.array([each[0] for each in some]), []
-    for k in (1, 2):
-        series.append(Sampled([p[4] for p in some], [p[3] for p in some], [p[k] for p in some]))
+    series = [Sampled([each[3] for each in some], [each[k] for each in some]) for k in (1, 2)]
 
-    shape = 2, down, along
-    return Model(
-        length, width, rake.reshape(shape[1:]),
-        lambda time: np.stack([each.at(time)[0] for each in series]).reshape(shape),
-        lambda time: np.stack([each.at(time)[1] for each in series]).reshape(shape), np.zeros(shape[1:]),
-    )  # fmt: skip
+    def course(number: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        (slip, rate), (slip_aside, rate_aside) = (each.at(number, time) for each in series)
+        return np.stack([slip, slip_aside]), np.stack([rate, rate_aside])
+
+    rake, onset = (np.array([each[k] for each in some]).reshape(down, along) for k in (0, 4))
+    final = np.any([each.final != 0 for each in series], axis=0).reshape(down, along)
+    return Model(length, width, rake, onset, final, course)
 
 
 Point = tuple[float, list[float], list[float], float, float]

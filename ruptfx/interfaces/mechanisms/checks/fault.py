@@ -33,16 +33,24 @@ SUPERSHEAR_LIMIT_3D = 1.19  # largest S ratio on an unbounded fault, Poisson's r
 AnyLengths = TypeVar("AnyLengths", Breakdown, RateDependence)
 
 
-def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
-    """Yield strength, S ratio, process zone and critical lengths of one fault, at its nucleation and weakest place."""
-    face, label = fault.interface, f"faults.{fault.name}"
-    spacing = _spacing(face.position)
+def place_rows(model: System, fault: Fault) -> Iterator[Row]:
+    """Yield the number of points of a fault, their spacing, and the meaning of positions."""
+    face, (spacing, down) = fault.interface, _spacings(fault.interface)
     note = f"largest spacing {spacing:.4g} m"
     if face.across is not None:
-        down = _spacing(face.across)
-        spacing, note = max(spacing, down), f"{note} along strike and {down:.4g} m down dip"
-    yield Row(f"{label}: points", face.total, "", note)
+        note = f"{note} along strike and {down:.4g} m down dip"
+    yield Row(f"faults.{fault.name}: points", face.total, "", note)
     yield from _position_rows(model, fault)
+
+
+def _spacings(face: Interface) -> tuple[float, float]:
+    """Return the largest spacings of points along an interface and, on a surface, down dip [m]."""
+    return _spacing(face.position), 0.0 if face.across is None else _spacing(face.across)
+
+
+def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
+    """Yield strength, S ratio, process zone and critical lengths of one fault, at its nucleation and weakest place."""
+    face, label, spacing = fault.interface, f"faults.{fault.name}", max(_spacings(fault.interface))
     rest, sides = _at_rest(fault), sides_of(model, face)
     beside = [model.materials[model.bodies.names.index(name)] for name in sides.bodies]
     if any(material.lame(model.case.plane) is None for material in beside):
