@@ -351,6 +351,8 @@ COMMANDS = (
     Command("run demos/strike_slip_3d.toml --out run", {"strike_slip_3d": "rupture_map"}),
     Command("run demos/strike_slip_3d.toml --out run --set mesh.element_size=2e3",
             {"strike_slip_ground": "ground_motion"}),
+    Command("run demos/prescribed_slip.toml --out run",
+            {"finite_fault_ground": "ground_motion", "finite_fault_slip": "rupture_map"}),
     Command("run demos/dipping_3d.toml --out run", {"dipping_3d": "rupture_map"}),
     Command("run demos/rough_3d.toml --out run", {"rough_3d": "rupture_map"}),
     Command("run demos/branch_3d.toml --out run", {"branch_3d": "rupture_map"}),

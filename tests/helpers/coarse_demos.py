@@ -25,9 +25,12 @@ Table = dict[str, Any]
 
 
 def names() -> list[str]:
-    """Return the names of all demos that are one run with a mesh."""
+    """Return the names of all demos that are one run with a mesh, and whose slip is not in a file of its own units."""
     tables = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(DEMOS.glob("*.toml"))}
-    return [name for name, table in tables.items() if "mesh" in table]
+    return [
+        name for name, table in tables.items()
+        if "mesh" in table and not any("prescribed_slip" in fault for fault in table.get("faults", {}).values())
+    ]  # fmt: skip
 
 
 def _enlarged(node: Any, factor: float) -> Any:
