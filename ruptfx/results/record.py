@@ -417,13 +417,12 @@ class Files:
                 columns[name]
         except (ValueError, KeyError) as error:
             raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
-        result = self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
-        return self._within(result)
-
-    def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> Any:
-        """Return columns against time, with their units."""
-        made = {name: Column(values, ("time",), {"units": units[name]}) for name, values in columns.items()}
-        return Columns(made, {"units": notes})
+        entries = {name: ("s" if name == "time" else unit(name), name.replace("_", " ")) for name in columns}
+        made = {
+            name: Column(values, ("time",), dict(zip(("units", "long_name"), entries[name], strict=True)))
+            for name, values in columns.items()
+        }
+        return self._within(self._labelled(made, {"units": notes}))
 
     def close(self) -> None:
         """Close the files; the record opens them again at the next use."""
@@ -530,15 +529,6 @@ class Record(Files):
 
         described = {name: (column.dims, column.values, dict(column.attrs)) for name, column in columns.items()}
         return xarray.Dataset(described, attrs=attributes)
-
-    def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> xarray.Dataset:
-        import xarray
-
-        described = {
-            name: xarray.Variable("time", values, {"units": units[name], "long_name": name.replace("_", " ")})
-            for name, values in columns.items()
-        }
-        return xarray.Dataset(described, coords={"time": described.pop("time")}, attrs={"units": notes})
 
     def close(self) -> None:
         for name in ("interfaces", "instruments", "attachments"):

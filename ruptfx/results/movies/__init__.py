@@ -10,12 +10,14 @@ group ``ruptfx.movies``: its function of the same name makes a `Film` of a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+from matplotlib.animation import FFMpegWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -320,40 +322,27 @@ def _gif(pictures: Iterator[Array], path: Path, rate: float) -> int:
 
 
 def _mp4(pictures: Iterator[Array], path: Path, rate: float) -> int:
-    try:
+    """Write MP4 by the program ffmpeg, that of the package imageio-ffmpeg if it is there."""
+    program: Any = {}
+    with suppress(ImportError):
         import imageio_ffmpeg
-    except ImportError:
-        return _mp4_by_program(pictures, path, rate)
-    count, writer = 0, None
-    for pixels in pictures:
-        if writer is None:
-            size = (pixels.shape[1], pixels.shape[0])
-            writer = imageio_ffmpeg.write_frames(str(path), size, fps=rate, macro_block_size=2, quality=7)
-            writer.send(None)
-        writer.send(np.ascontiguousarray(pixels))
-        count += 1
-    if writer is not None:
-        writer.close()
-    return count
 
-
-def _mp4_by_program(pictures: Iterator[Array], path: Path, rate: float) -> int:
-    from matplotlib.animation import FFMpegWriter
-
-    if not FFMpegWriter.isAvailable():
-        raise RuptfxError(
-            f"{final(path)}: MP4 needs the package imageio-ffmpeg (pip install 'ruptfx[movie]') or the program ffmpeg; "
-            "or write a .gif, which needs neither"
-        )
-    first = next(pictures)
-    figure = Figure(figsize=(first.shape[1] / 100, first.shape[0] / 100), dpi=100)
-    FigureCanvasAgg(figure)
-    shown = figure.figimage(first)
-    writer, count = FFMpegWriter(fps=max(1, round(rate))), 1
-    with writer.saving(figure, str(path), 100):
-        writer.grab_frame()
-        for pixels in pictures:
-            shown.set_data(pixels)
+        program = {"animation.ffmpeg_path": imageio_ffmpeg.get_ffmpeg_exe()}
+    first, count = next(pictures), 1  # it sets the style, before the program
+    with matplotlib.rc_context(program):
+        if not FFMpegWriter.isAvailable():
+            raise RuptfxError(
+                f"{final(path)}: MP4 needs the package imageio-ffmpeg (pip install 'ruptfx[movie]') or the program "
+                "ffmpeg; or write a .gif, which needs neither"
+            )
+        figure = Figure(figsize=(first.shape[1] / 100, first.shape[0] / 100), dpi=100)
+        FigureCanvasAgg(figure)
+        shown = figure.figimage(first)
+        writer = FFMpegWriter(fps=rate, extra_args=["-crf", "17"])  # type: ignore[arg-type]
+        with writer.saving(figure, str(path), 100):
             writer.grab_frame()
-            count += 1
+            for pixels in pictures:
+                shown.set_data(pixels)
+                writer.grab_frame()
+                count += 1
     return count
