@@ -328,6 +328,13 @@ COMMANDS = (
     Command("bench fibre --out bench", {"fibre_bench": "fibre"}),
     *(Command(f"{name}.py", {name: name})
       for name in ("pushed_block", "fibre_pull_out", "inclined_plates", "front_types", "impact_3d")),
+    Command("slip_sequence.py", {
+        "slip_sequence_area": "slip_sequence/area", "slip_sequence": "slip_sequence/lengths",
+    }),
+    Command("thesis_block.py", {
+        "thesis_block_uneven": "thesis_block/uneven", "thesis_block_even": "thesis_block/even",
+    }),
+    Command("sliding_to_rest.py", {"sliding_to_rest": "sliding_to_rest/sliding_to_rest"}),
     Command("stress_barrier.py", {"stress_barrier": "stress_barrier/figures/front"}),
     Command("contact_fringes.py", {"contact_fringes": "pair"}),
     Command("pressed_block.py", {"pressed_block": "strains"}),
