@@ -18,6 +18,7 @@ _PREFIXES = {
 }  # fmt: skip
 _SYMBOLS: dict[str, tuple[Fraction, dict[str, int]]] = {
     "m": (Fraction(1), {"m": 1}),
+    "L": (Fraction(1, 1000), {"m": 3}),
     "g": (Fraction(1, 1000), {"kg": 1}),
     "t": (Fraction(1000), {"kg": 1}),
     "s": (Fraction(1), {"s": 1}),

@@ -19,6 +19,7 @@ from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case
 from ruptfx.input.fields import INTERFACE_FIELDS
 from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.faults.fields import Heating
 from ruptfx.platform import fem, parallel
 from ruptfx.results.record import Record
 from ruptfx.run.model import Model
@@ -229,3 +230,52 @@ def test_bad_input_is_refused_with_key_and_remedy(what: str) -> None:
     changes, message = REFUSED[what]
     with pytest.raises(CaseError, match=facts(message)):
         Model(case({**SLIDES, **changes}))
+
+
+def test_a_pumping_record_is_a_rate_and_its_history(tmp_path: Path) -> None:
+    """60 L/min are 1e-3 m3/s, a day is 86400 s."""
+    (tmp_path / "pump.csv").write_text("time (d), rate (L/min)\n0, 0\n1, 60\n2, 30\n")
+    table = plates({**SLIDES, "faults.main.pore_pressure": {**WELL, "wells": [{"center": 0.0, "file": "pump.csv"}]}})
+    (well,) = parse_case(table, tmp_path).faults["main"].pore_pressure[0].wells
+    assert well.history.times == [0.0, 86400.0, 172800.0]
+    assert [well.rate * value for value in well.history.values] == pytest.approx([0.0, 1e-3, 0.5e-3])
+
+
+def test_what_a_well_injects_is_stored(tmp_path: Path) -> None:
+    """In a layer without flow through its rim, to rounding, and evenly after a long time: p = Q t / (beta phi b L)."""
+    model = Model(case({**SLIDES, "faults.main.pore_pressure": {**WELL, "rim": "no_flux"}}))
+    face = model.faults[0].interface
+    (made,) = model.faults[0].fields.contributions
+    memory, none = made.memory(), np.zeros(len(face.plus))
+    for number in range(50):
+        made.plan(memory, number * 1e-3, 1e-3)
+        made.advance(memory, number * 1e-3, Heating(none, none, 1e-3))
+    pressure = made.values(memory, 0.05, Heating(none, none, 0.0))["pore_pressure"]
+    assert made.along.mass[face.number] @ pressure == pytest.approx(1.25e-6 * 0.05, rel=1e-10)
+    np.testing.assert_allclose(pressure, 1.25e-6 * 0.05 / (1e-9 * 12e-3), rtol=0.05)
+
+
+def test_a_file_of_pressure_is_interpolated_in_time_and_place(tmp_path: Path) -> None:
+    lines = [f"{time}, {place}, {1e6 * time * place}" for time in (0.0, 2.0) for place in (-1.0, 1.0)]
+    (tmp_path / "p.csv").write_text("time (s), position (m), pressure (Pa)\n" + "\n".join(lines) + "\n")
+    table = plates({**SLIDES, "faults.main.pore_pressure": {"kind": "given", "file": "p.csv"}})
+    model = Model(parse_case(table, tmp_path))
+    fields, x = model.faults[0].fields, model.faults[0].interface.position
+    none = np.zeros(len(x))
+    values = fields.values(fields.memory(none), 0.25, Heating(none, none, 0.25))["pore_pressure"]
+    np.testing.assert_allclose(values, 1e6 * 0.5 * x, atol=1e-6)
+
+
+def test_friction_reads_the_temperature_of_its_interface() -> None:
+    """With a(T) in proportion to T, doubling T doubles the change of the strength with ln V."""
+    law = {"kind": "rate_and_state_thermal", "a": 0.01, "b": 0.014, "D_c": 2e-7, "f_0": 0.6, "V_0": 1e-6, "T_0": 300.0,
+           "temperature_initial": 300.0, "a_slope": 1.0}  # fmt: skip
+    slopes = []
+    for temperature in (300.0, 600.0):
+        heated = {"faults.main.friction": law, "faults.main.temperature": {"kind": "given", "temperature": temperature}}
+        fault = Model(case({**SLIDES, **heated})).faults[0]
+        state = {name: fault.initial_state()[name] for name in fault.friction.all_state_fields()}
+        sigma = np.full(len(fault.normal_stress_0), 1e6)
+        low, high = (fault.friction.strength(rate, sigma, state) for rate in (1e-3, 1e-3 * np.e))
+        slopes.append(high - low)
+    np.testing.assert_allclose(slopes[1], 2 * slopes[0], rtol=1e-6)

@@ -30,10 +30,11 @@ SETS = {
 
 
 def friction_laws() -> list[tuple[str, str | None]]:
-    """Return every law of the folder, wrappers around the simplest law and the one with most parameters."""
+    """Return every law of the folder, wrappers around the simplest law and the one that requires most parameters."""
     laws = alternatives("ruptfx.laws.friction")
-    plain = sorted((len(cls.model_fields), kind) for kind, cls in laws.items() if not holds(cls))
-    held = [plain[0][1], plain[-1][1]]
+    plain = [(sum(field.is_required() for field in cls.model_fields.values()), len(cls.model_fields), kind)
+             for kind, cls in laws.items() if not holds(cls)]  # fmt: skip
+    held = [min(plain)[2], max(plain)[2]]
     return [(kind, inner) for kind, cls in laws.items() for inner in (held if holds(cls) else [None])]
 
 

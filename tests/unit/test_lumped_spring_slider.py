@@ -21,7 +21,7 @@ from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import extreme, read_result, redraw, rehearse, simulate
 from ruptfx.lumped.spring_slider import _EXPERIMENTS, PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
-from ruptfx.lumped.spring_slider.protocols import VelocitySteps
+from ruptfx.lumped.spring_slider.protocols import Temperatures, VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
 from ruptfx.lumped.spring_slider.stability import StabilityDiagram, _cycles
 
@@ -143,6 +143,7 @@ SHORT = {
     "stability": {"speeds": 2, "stiffnesses": 2}, "bifurcation": {"ratios": [0.9], "periods": 10, "samples": 500},
     "stick_slip": {"speeds": [1e-5], "cycles": 2, "samples": 500}, "loading_unloading": {"samples": 50},
     "frequency_response": {"samples": 1000},
+    "temperatures": {"temperatures": [293.0, 313.0], "holds": [1.0, 10.0], "samples": 100},
 }  # fmt: skip
 WITH_MASS = ("bifurcation", "stick_slip", "frequency_response")
 
@@ -155,8 +156,11 @@ def test_results_of_an_experiment_have_names_of_their_own(experiment: Any, trace
     mass = 1.6 if experiment.name in WITH_MASS else 0.0
     elastic = 0.4e-6 if experiment.name in ("loading_unloading", "frequency_response") else 0.0
     stiffness = 1e5 if experiment.name == "stick_slip" else 2e6
+    law = PMMA if experiment is not Temperatures else find("ruptfx.laws.friction", THERMAL["kind"])(
+        **{key: value for key, value in THERMAL.items() if key != "kind"}
+    )
     model = SpringSlider(
-        friction=PMMA, normal_force=W, stiffness=stiffness, mass=mass, interface_length=elastic,
+        friction=law, normal_force=W, stiffness=stiffness, mass=mass, interface_length=elastic,
         experiment=experiment(**keys),
     )  # fmt: skip
     data = simulate(model, tmp_path / "run")
@@ -394,3 +398,32 @@ def test_resonance_of_the_pinned_slider() -> None:
     assert float(data["compliance"][0]) == pytest.approx(static, rel=1e-12)
     with pytest.raises(RuptfxError, match=facts(r"300.*400.*807\.888")):
         model.model_copy(update={"experiment": type(model.experiment)(lowest=300, highest=400)}).run()
+
+
+THERMAL = {"kind": "rate_and_state_thermal", "a": 0.013, "b": 0.026, "D_c": 0.42e-6, "f_0": 0.36, "V_0": 1e-6,
+           "T_0": 293.0, "temperature_initial": 293.0}  # fmt: skip
+
+
+def test_static_friction_over_temperature_has_one_curve_over_reduced_time() -> None:
+    """Eq. 4 of Baumberger et al. (2001): mu_s(t, T) = mu_s(t / a_T), here b ln(1 / a_T) above that at T_0."""
+    experiment = {"kind": "temperatures", "temperatures": [293.0, 313.0], "holds": [10.0, 1000.0], "samples": 500}
+    law = {**THERMAL, "C_1": 8.0, "C_2": 100.0}
+    found = parse_case({"kind": "spring_slider", "stiffness": 1e7, "friction": law, "experiment": experiment}).run()
+    shift = 10 ** (-8.0 * 20 / 120)
+    assert found["shift_factor"].values == pytest.approx([1.0, shift])
+    rise = found.static_friction.values[1] - found.static_friction.values[0]
+    assert rise == pytest.approx(0.026 * np.log(1 / shift), rel=1e-4)
+
+
+def test_slopes_of_static_friction_follow_b_of_the_temperature() -> None:
+    experiment = {"kind": "temperatures", "temperatures": [293.0, 351.6], "holds": [1e2, 1e4], "samples": 500}
+    law = {**THERMAL, "b_slope": 2.0}  # 1 + 2 * 0.2
+    found = parse_case({"kind": "spring_slider", "stiffness": 1e7, "friction": law, "experiment": experiment}).run()
+    slopes = found.ageing_slope.values
+    assert slopes[1] / slopes[0] == pytest.approx(1.4, rel=1e-2)
+
+
+def test_other_laws_do_not_depend_on_temperature() -> None:
+    model = parse_case({"kind": "spring_slider", "experiment": {"kind": "temperatures"}})
+    with pytest.raises(CaseError, match=facts(r"friction\.kind = 'rate_and_state_ageing'.*'rate_and_state_thermal'")):
+        model.run()

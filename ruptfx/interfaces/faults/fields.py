@@ -132,7 +132,7 @@ class FaultFields:
         return self.values(self.memory(none), 0.0, Heating(none, none, 0.0))
 
     def surrounding(self, law: FrictionLaw) -> FrictionLaw:
-        """Return the law that reads the fields; its own parameters of their names are their values at the start."""
+        """Return the law that reads the fields; its own initial values of them are replaced."""
         if not self:
             return law
         initial = self.initial()
@@ -266,8 +266,9 @@ class FaultFields:
 
 
 def _started(law: FrictionLaw, initial: Mapping[str, np.ndarray]) -> FrictionLaw:
-    """Return a law and the laws inside it with the parameters that are named as fields set to their initial values."""
-    changes: dict[str, object] = {name: values for name, values in initial.items() if name in type(law).model_fields}
+    """Return a law and the laws inside it, with the initial fields for parameters such as `temperature_initial`."""
+    named = {f"{name}_initial": values for name, values in initial.items()}
+    changes: dict[str, object] = {name: values for name, values in named.items() if name in type(law).model_fields}
     inner = getattr(law, "law", None)
     if inner is not None:
         changes["law"] = _started(inner, initial)

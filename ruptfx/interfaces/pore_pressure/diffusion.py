@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from ruptfx.bodies.boundaries.histories import History, course
+from ruptfx.input.number_files import two_columns
 from ruptfx.input.profiles.places import Center, distance
 from ruptfx.input.schema import CaseError, Part, Unit
 from ruptfx.input.units import Compressibility, Fraction, Length, VaryingPermeability, VaryingPressure, Viscosity
@@ -35,10 +37,27 @@ class Well(Part):
     where it leaves."""
     pressure: Annotated[float, Unit("Pa")] | None = None
     """Change of the pressure at the nearest point since the start, instead of a rate."""
+    file: str | None = None
+    """CSV file with time and rate instead of rate and history, linear in between; its header may give the units, as in
+    `time (d), rate (L/min)`. The resolved case contains the numbers."""
     half_width: Length | None = None
     """Standard deviation of a Gaussian distribution of the rate; without it, at the nearest point."""
     history: History | None = None
     """Factor in time; without it rate or pressure are constant from the start."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, values: object, info: ValidationInfo) -> object:
+        """Replace the file of a pumping record by a rate of 1 m3/s and its history."""
+        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
+            return values
+        for other in ("rate", "pressure", "history"):
+            if values.get(other) is not None:
+                raise ValueError(f"{other}: the file has the rate over time; remove {other}")
+        times, rates = two_columns(Path((info.context or {}).get("directory") or ".", values["file"]), "time",
+                                   ("s", "m3/s"), "rate")  # fmt: skip
+        history = {"kind": "sampled", "times": times, "values": rates}
+        return {**values, "file": None, "rate": 1.0, "history": history}
 
     @model_validator(mode="after")
     def _one_quantity(self) -> Well:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ruptfx.input.units import VaryingFactor, VaryingRatio, VaryingTemperature
 from ruptfx.laws.friction import Array, LawState
+from ruptfx.laws.friction.lengths import RateDependence
 from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.laws.friction.rate_and_state_base import RateAndState
 
@@ -22,7 +23,7 @@ class RateAndStateThermal(RateAndState):
 
     Static friction at a contact time and a temperature is that at the time over a_T, the equivalence of time and
     temperature of Williams, Landel and Ferry. The law reads the temperature of its interface; without
-    `[faults.NAME.temperature]` it is `temperature`.
+    `[faults.NAME.temperature]` it is `temperature_initial`.
     """
 
     state_fields = {"theta": "s", "temperature": "K"}
@@ -32,13 +33,13 @@ class RateAndStateThermal(RateAndState):
     )
     source = "Baumberger, Berthoud, Caroli (2001), eqs. 4, 6, 7; Williams, Landel, Ferry (1955)"
     example: ClassVar[str] = (
-        '{ kind = "rate_and_state_thermal", a = 0.013, b = 0.026, D_c = 0.42e-6, f_0 = 0.36, V_0 = 1e-6, '
-        "T_0 = 293.0, temperature = 310.0, a_slope = 1.0, b_slope = 2.0, C_1 = 8.0, C_2 = 100.0 }"
+        '{ kind = "rate_and_state_thermal", a = 0.013, b = 0.026, D_c = 5e-6, f_0 = 0.36, V_0 = 1e-6, '
+        "T_0 = 293.0, temperature_initial = 310.0, a_slope = 1.0, b_slope = 2.0, C_1 = 8.0, C_2 = 100.0 }"
     )
 
     T_0: VaryingTemperature
     """Reference temperature, at which a and b are given and a_T is 1."""
-    temperature: VaryingTemperature
+    temperature_initial: VaryingTemperature
     """Temperature of an interface without a table of it."""
     a_slope: VaryingFactor = 0.0
     """Relative change of a with the relative change of the temperature; 1 for thermal activation with a constant
@@ -68,14 +69,14 @@ class RateAndStateThermal(RateAndState):
         )  # fmt: skip
 
     def isothermal(self) -> RateAndStateAgeing:
-        """Return the ageing law of the same strength at `temperature`; its age is the contact time."""
-        law = self.at_temperature(self.temperature)
-        return law.substituted({"f_0": law.f_0 - law.b * np.log(self.shift(self.temperature))})
+        """Return the ageing law of the same strength at `temperature_initial`; its age is the contact time."""
+        law = self.at_temperature(self.temperature_initial)
+        return law.substituted({"f_0": law.f_0 - law.b * np.log(self.shift(self.temperature_initial))})
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
-        law = self.at_temperature(self.temperature)
+        law = self.at_temperature(self.temperature_initial)
         state = law.initial_state(normal_stress, shear_stress, slip_rate)
-        return {**state, "temperature": 0 * normal_stress + self.temperature}
+        return {**state, "temperature": 0 * normal_stress + self.temperature_initial}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
         law = self.at_temperature(state["temperature"])
@@ -89,6 +90,12 @@ class RateAndStateThermal(RateAndState):
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         law = self.at_temperature(state["temperature"])
         return law.carried_slip_rate(shear_stress, normal_stress, {"theta": state["theta"]})
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> RateDependence:
+        return self.isothermal().lengths(normal_stress, slip_rate)
+
+    def age_rate(self, theta: Array, slip_rate: Array) -> Array:
+        return 1 / self.shift(self.temperature_initial) - np.abs(slip_rate) * theta / self.D_c
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         return self.isothermal().steady_strength(slip_rate, normal_stress)

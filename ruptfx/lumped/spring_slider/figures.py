@@ -250,7 +250,7 @@ def temperatures(dataset: xarray.Dataset) -> Figure:
     axes[0].set(xscale="log", xlabel="Contact time (s)", ylabel="Static friction coefficient")
     axes[0].legend()
     axes[1].plot(dataset.temperature, dataset.ageing_slope, "o-", color=STEADY)
-    axes[1].set(xlabel="Temperature (K)", ylabel="Slope of static friction per e-fold")
+    axes[1].set(xlabel="Temperature (K)", ylabel="Slope of static friction per e-fold", ylim=(0, None))
     axes[2].set(xscale="log", xlabel="Contact time over shift factor (s)", ylabel="Static friction coefficient")
     letter(axes)
     return figure

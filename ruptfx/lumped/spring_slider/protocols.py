@@ -171,7 +171,7 @@ class Temperatures(SlideHoldSlide):
         runs = []
         for number, temperature in enumerate(self.temperatures):
             progress(number / len(self.temperatures), f"{temperature:g} K")
-            one = law.substituted({"temperature": temperature}).isothermal()
+            one = law.substituted({"temperature_initial": temperature}).isothermal()
             runs.append(self.run(replace(slider, law=one), silent))
         shift = np.array([float(law.shift(temperature)) for temperature in self.temperatures])
         static = np.array([each.static_friction.values for each in runs])
@@ -181,7 +181,7 @@ class Temperatures(SlideHoldSlide):
             {
                 "static_friction": variable(both, static, "1", "static friction coefficient"),
                 "reduced_time": variable(both, np.array(self.holds) / shift[:, None], "s", "contact time over shift"),
-                "shift": variable(at, shift, "1", "shift factor of time"),
+                "shift_factor": variable(at, shift, "1", "shift factor of time"),
                 "ageing_slope": variable(at, slope, "1", "static friction per e-fold of contact time"),
             },
             coords={
