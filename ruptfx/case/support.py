@@ -145,8 +145,8 @@ def remedies(choices: Choices, refusals: Iterable[Refusal]) -> tuple[tuple[Chang
 
 def _folder(key: str) -> str:
     """Return where other kinds of a part are."""
-    first, _, rest = key.partition(".")
-    return FOLDERS[first if first in FOLDERS else rest.rpartition(".")[2]]
+    first, _, key_below = key.partition(".")
+    return FOLDERS[first if first in FOLDERS else key_below.rpartition(".")[2]]
 
 
 def _smallest(choices: Choices, changes: list[Change]) -> list[tuple[Change, ...]]:

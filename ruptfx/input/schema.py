@@ -716,13 +716,13 @@ def alternative(package: str) -> Any:
             value = {"kind": value}
         if not isinstance(value, Mapping):
             return value
-        rest = dict(value)
-        kind = rest.pop("kind", None)
+        others = dict(value)
+        kind = others.pop("kind", None)
         if not isinstance(kind, str):
             raise PydanticCustomError(
                 "unknown_kind", "'kind' is required, one of: {known}", {"known": ", ".join(kinds(package))}
             )
-        return find(package, kind).model_validate(rest, context=info.context)
+        return find(package, kind).model_validate(others, context=info.context)
 
     folder = package.rpartition(".")[2]
     return Annotated[

@@ -64,12 +64,12 @@ def listed(run: Path) -> Sums | None:
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
         files = table["files"]
-        whole = table["seal"] == seal(files) and all(map(_is_inside, files))
+        is_sealed = table["seal"] == seal(files) and all(map(_is_inside, files))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        whole = False
-    if not whole:
+        is_sealed = False
+    if not is_sealed:
         raise ChangedFileError(f"{path}: damaged, so its files are not known; run the case into another --out")
     return files
 

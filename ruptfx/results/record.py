@@ -315,8 +315,8 @@ class Files:
         """Return the arrays of an interface, of an instrument, or of an attachment."""
         import h5netcdf
 
-        whole = h5netcdf.File(file)
-        named = whole if group is None else whole[group]
+        file_of_all = h5netcdf.File(file)
+        named = file_of_all if group is None else file_of_all[group]
         times = len(file[named.variables["time"].name])
 
         def stored(item: h5netcdf.Variable) -> Stored:
@@ -410,8 +410,8 @@ class Files:
         names, *rows = [line.split(",") for line in lines if line and not line.startswith("#")] or [[]]
         try:
             # The last row of a killed run may be cut.
-            whole = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
-            table = np.array(whole, dtype=float).reshape(-1, len(names))
+            complete = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
+            table = np.array(complete, dtype=float).reshape(-1, len(names))
             columns = dict(zip((name.strip() for name in names), table.T, strict=True))
             for name in ("time", *needed):
                 columns[name]

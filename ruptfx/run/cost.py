@@ -90,8 +90,8 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
         with Recorder(model, motion, Path(folder)) as recorder:
             run = _Beginning(model, motion, recorder)
             opening = time.process_time() - began
-            left = max(steps - 1, 1) if steps else np.inf
-            step = _each(run.step, SECONDS, FEWEST, left)
+            most_steps = max(steps - 1, 1) if steps else np.inf
+            step = _each(run.step, SECONDS, FEWEST, most_steps)
             of_record = _each(run.step_and_record, 0.2 * SECONDS, 2) - step
             of_snapshot = _each(run.snapshot, 0.1 * SECONDS, 1)
     records, snapshots = counts(case, steps)
@@ -231,11 +231,11 @@ def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
         On all ranks; the message gives the memory and the remedy.
     """
     lattice, there = case.mesh.lattice(), available()
-    here = comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if comm.size > 1 else 1
+    ranks = comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if comm.size > 1 else 1
     if lattice is None or there is None:
         return
     components, nodes = {"antiplane": 1, "solid": 3}.get(case.plane, 2), lattice.nodes(case.order)
-    least = here * LIBRARIES + nodes * PER_NODE[components] * here / comm.size
+    least = ranks * LIBRARIES + nodes * PER_NODE[components] * ranks / comm.size
     if least > there:
         raise RuptfxError(
             f"mesh: {nodes:.3g} nodes take {least / 1e9:.3g} GB of memory at least, and {there / 1e9:.3g} GB are free "

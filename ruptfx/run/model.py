@@ -260,14 +260,14 @@ class Model(System):
         """
         assert not state.deferred
         kinetic, strain = bulk or self.bulk_energies(state)
-        here = {name: 0.0 if name in KEPT else state.energy.get(name, 0.0) for name in self.energy_columns}
-        here["kinetic"], here["strain"] = kinetic, strain
+        own_energies = {name: 0.0 if name in KEPT else state.energy.get(name, 0.0) for name in self.energy_columns}
+        own_energies["kinetic"], own_energies["strain"] = kinetic, strain
         for each in self.mechanisms:
-            each.add_energies(state, here)
+            each.add_energies(state, own_energies)
         for each in self.mechanisms:
-            each.close_energies(state, here)
-        summed = self.copies * parallel.total(self.comm, list(here.values()))
-        return dict(zip(here, summed.tolist(), strict=True))
+            each.close_energies(state, own_energies)
+        summed = self.copies * parallel.total(self.comm, list(own_energies.values()))
+        return dict(zip(own_energies, summed.tolist(), strict=True))
 
     @property
     def energy_columns(self) -> list[str]:

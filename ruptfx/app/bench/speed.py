@@ -313,8 +313,8 @@ def interface_share(motion: Motion, state: State) -> float:
         return dissipated
 
     with patch.object(FaultStep, "__call__", timed):
-        whole = median_time(lambda: motion.step(state))
-    return float(np.median(inside)) / whole
+        full_step = median_time(lambda: motion.step(state))
+    return float(np.median(inside)) / full_step
 
 
 def bandwidth() -> float:

@@ -150,13 +150,13 @@ def traced(law: FrictionLaw, seed: int) -> None:
             v, s, b = factors
             return of_law(v * rate, s * sigma, at, dt, before=b * last, **known).strength
 
-        here = of_law(rate, sigma, at, dt, before=last, **known)
+        moment = of_law(rate, sigma, at, dt, before=last, **known)
         for slope, size, name, step in zip(
-            (here.slope, here.stress_slope, here.before_slope), (rate, sigma, last),
+            (moment.slope, moment.stress_slope, moment.before_slope), (rate, sigma, last),
             ("slip rate", "normal stress", "slip rate before"), h * np.eye(3), strict=True,
         ):  # fmt: skip
             expected = (value(1 + step) - value(1 - step)) / (2 * h)
-            near = np.abs(slope * size - expected) <= 1e-8 * np.abs(here.strength)
+            near = np.abs(slope * size - expected) <= 1e-8 * np.abs(moment.strength)
             require(near, f"derivative by {name} differs", found=slope, differences=expected / size, **where)
 
 

@@ -106,5 +106,5 @@ def straight_path(law: CohesiveLaw, angle: float, longest: float = 1.0) -> tuple
     """
     opening, slip = jump_at(law, angle, np.linspace(0, longest, N + 1))
     damage = np.asarray(law.damage(opening, slip) + 0 * opening)
-    left = np.where(damage < 1, law.remaining_fraction(damage), 0.0)
-    return damage, float(np.trapezoid(law.f_t * left, opening)), float(np.trapezoid(law.c * left, slip))
+    remaining = np.where(damage < 1, law.remaining_fraction(damage), 0.0)
+    return damage, float(np.trapezoid(law.f_t * remaining, opening)), float(np.trapezoid(law.c * remaining, slip))

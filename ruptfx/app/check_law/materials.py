@@ -159,10 +159,10 @@ def stable(material: Material, seed: int) -> str | None:
         return "it is elastic"
     law, (strains, dt) = traced(material, "solid"), path(seed)
     state = {name: np.full(N, value) for name, value in law.state.items()}
-    whole = elastic(material, np.eye(6))
+    elastic_stiffness = elastic(material, np.eye(6))
     for strain in strains:
         named = dict(zip(COMPONENTS, strain, strict=True))
-        relative = np.linalg.solve(whole, np.moveaxis(law.tangent(named, state, dt), -1, 0)).astype(float)
+        relative = np.linalg.solve(elastic_stiffness, np.moveaxis(law.tangent(named, state, dt), -1, 0)).astype(float)
         largest = np.linalg.eigvals(relative).real.max(axis=1)
         require(largest <= 1 + 1e-6, "stiffer than its elastic energy", times=largest, dt=dt)
         _, state = law.evaluate(named, state, dt)

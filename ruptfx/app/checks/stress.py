@@ -38,17 +38,17 @@ def _equilibrium(model: Model, stress: BodyStress) -> Row:
     if model.variation is not None:
         density = model.variation.evaluate(lambda material, _: material.density)[cells].mean(axis=1)
     weight = density[:, None] * stress.acceleration(dim)
-    left = np.linalg.norm(stress.divergence(points, step) + weight, axis=1)
+    imbalance = np.linalg.norm(stress.divergence(points, step) + weight, axis=1)
     scale = max(np.linalg.norm(weight, axis=1).max(initial=0.0), _largest(stress.effective(points)) / _extent(model))
-    worst = int(np.argmax(left))
+    worst = int(np.argmax(imbalance))
     key = "initial stress: unbalanced force"
-    if left[worst] <= BALANCED * scale:
-        return Row(key, float(left[worst]), "N/m3", "of the total stress and the weight of the bodies")
+    if imbalance[worst] <= BALANCED * scale:
+        return Row(key, float(imbalance[worst]), "N/m3", "of the total stress and the weight of the bodies")
     note = (
         f"at ({_text(points[worst])}) m, where the bodies weigh {np.linalg.norm(weight[worst]):.4g} N/m3 by "
         f"materials.*.density = {density[worst]:.5g} kg/m3; the run takes this force as balanced"
     )
-    return Row(key, float(left[worst]), "N/m3", note, "warning")
+    return Row(key, float(imbalance[worst]), "N/m3", note, "warning")
 
 
 def _interfaces(model: Model, stress: BodyStress) -> Iterator[Row]:
@@ -79,8 +79,8 @@ def _edges(model: Model, stress: BodyStress) -> Iterator[Row]:
             continue
         edge = model.loads.edge(name, "boundaries")
         middle = fem.dolfinx.mesh.compute_midpoints(model.mesh, dim - 1, edge.facets)[:, :dim]
-        whole = matrices(stress.effective(middle)) - stress.pore_pressure(middle)[:, None, None] * np.eye(3)
-        corner = np.linalg.norm(np.einsum("nij,nj->ni", whole[:, :dim, :dim], edge.normals()), axis=1)
+        total_stress = matrices(stress.effective(middle)) - stress.pore_pressure(middle)[:, None, None] * np.eye(3)
+        corner = np.linalg.norm(np.einsum("nij,nj->ni", total_stress[:, :dim, :dim], edge.normals()), axis=1)
         value = float(corner.max(initial=0.0))
         if value > BALANCED * largest:
             note = "no boundary acts on it: it keeps this traction of the bodies"

@@ -89,8 +89,8 @@ def overlay(pairs: list[Pair], measured: str) -> Figure:
             ax.set_visible(False)
         lines = {text: line for ax in axes.ravel() for line, text in zip(*ax.get_legend_handles_labels(), strict=True)}
         figure.legend(list(lines.values()), list(lines), loc="outside upper left", ncols=3)
-        left = len(pairs) - len(shown)
-        remark(figure, f"{left} more channels do not fit here; choose one with --channel." if left else "")
+        omitted = len(pairs) - len(shown)
+        remark(figure, f"{omitted} more channels do not fit here; choose one with --channel." if omitted else "")
         letter(axes.ravel()[: len(shown)])
         return figure
 

@@ -37,9 +37,9 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             from ruptfx.lumped import TRIAL, extreme, rehearse
 
             with working("computing the case"):
-                whole = rehearse(parsed)
+                is_complete = rehearse(parsed)
             screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
-            if not whole:
+            if not is_complete:
                 screen.print(f"It was computed for {TRIAL:g} s without an error, and not to its end.")
             for number in extreme(parsed):
                 screen.print(f"warning: far from the usual: {number}", style="yellow")

@@ -73,8 +73,8 @@ def compare(
     begin(f"reading {first} and {second}")
     with reported():
         path, is_measured = picture(out), second.is_file()
-        most = seconds("--most-shift", most_shift)
-        if most is not None and not most > 0:
+        largest_shift = seconds("--most-shift", most_shift)
+        if largest_shift is not None and not largest_shift > 0:
             raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
         if is_measured and interface:
             raise RuptfxError(f"{second}: a file of measured signals; --interface is for two runs")
@@ -87,7 +87,7 @@ def compare(
                 from ruptfx.app.commands._measured import show
 
                 shift = seconds("--time-shift", time_shift) or 0.0
-                show(first, second, instrument, channel, most, shift, files.claim(path.name))
+                show(first, second, instrument, channel, largest_shift, shift, files.claim(path.name))
             else:
                 _compare_runs(first, second, interface, files.claim(path.name), verbose)
         screen.print(f"Picture: {path}", soft_wrap=True)

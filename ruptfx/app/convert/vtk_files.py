@@ -157,15 +157,15 @@ def _snapshots(bulk: xarray.Dataset) -> Iterator[tuple[float, Snapshot]]:
     first = bulk.attrs.get("initial_stress_values")
     if first is not None and bulk.sizes["time"]:
         shapes = {name: values.shape for name, values in _moving(bulk, 0).items()}
-        rest = {name: np.zeros(shape) for name, shape in shapes.items()}
+        zeros = {name: np.zeros(shape) for name, shape in shapes.items()}
         stress = np.broadcast_to(np.atleast_1d(first), (bulk.sizes["point"], np.size(first)))
-        if "stress" in rest:
-            rest["stress"] = _tensor(stress, list(bulk["stress_component"].values))
-        if "fringe" in rest:
+        if "stress" in zeros:
+            zeros["stress"] = _tensor(stress, list(bulk["stress_component"].values))
+        if "fringe" in zeros:
             from ruptfx.results.analysis.photoelasticity import difference_of
 
-            rest["fringe"] = difference_of(stress)
-        yield 0.0, rest
+            zeros["fringe"] = difference_of(stress)
+        yield 0.0, zeros
     for number, time in enumerate(bulk["time"].values):
         yield float(time), _moving(bulk, number)
 
@@ -222,9 +222,9 @@ def _write(
             times.append(time)
             for key, rows in moment.items():
                 if key not in fields:
-                    most = (None, *rows.shape[1:])
+                    limits = (None, *rows.shape[1:])
                     chunk = (max(len(rows), 1), *rows.shape[1:])
-                    fields.create_dataset(key, (0, *rows.shape[1:]), rows.dtype, maxshape=most, chunks=chunk)
+                    fields.create_dataset(key, (0, *rows.shape[1:]), rows.dtype, maxshape=limits, chunks=chunk)
                 fields[key].resize(len(times) * len(points), axis=0)
                 fields[key][-len(points) :] = rows
             check()

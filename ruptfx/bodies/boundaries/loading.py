@@ -93,22 +93,22 @@ class Loads:
             On all ranks.
         """
         boundary, (action, *_) = self._acts[number]
-        here = f"{key}.{number}"
+        place = f"{key}.{number}"
         if action.motion is not None:
             for earlier, (other, (before, *_)) in enumerate(self._acts[:number]):
                 if before.motion is not None and other.driven_edge == boundary.driven_edge:
                     twice = np.intersect1d(action.motion.dofs, before.motion.dofs)
                     if parallel.anywhere(self.model.comm, self._has_facet(twice)):
                         raise CaseError(
-                            f"{here}.edge = '{boundary.driven_edge}': {key}.{earlier} drives the same part of it in "
+                            f"{place}.edge = '{boundary.driven_edge}': {key}.{earlier} drives the same part of it in "
                             "the same direction; remove one of them, or give each its x_range or y_range"
                         )
         for what, dofs in self._reach(action):
             free = dofs[~prescribed[dofs]]
-            count, left = parallel.total(self.model.comm, [len(dofs), len(free)])
-            if count and not left:
+            count, free_dofs = parallel.total(self.model.comm, [len(dofs), len(free)])
+            if count and not free_dofs:
                 raise CaseError(
-                    f"{here}.kind = '{boundary.kind()}': without effect{what}, for all that it acts on is driven; "
+                    f"{place}.kind = '{boundary.kind()}': without effect{what}, for all that it acts on is driven; "
                     "leave that component out, or remove this entry or what drives"
                 )
 
@@ -198,8 +198,8 @@ class Loads:
 
     def shortened(self, time: float, dt: float) -> float:
         """Return a step from a time on [s], or the remaining time of these loads, up to rounding."""
-        left = self.end - time
-        return dt if dt <= (1 + 1e-9) * left else left
+        until_end = self.end - time
+        return dt if dt <= (1 + 1e-9) * until_end else until_end
 
     def moved(self, displacement: np.ndarray, start: float, end: float) -> np.ndarray:
         """Return a displacement at time `start` with driven edges at their position at time `end` [m]."""

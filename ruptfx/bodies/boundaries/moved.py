@@ -78,9 +78,9 @@ class Moved(EdgeMotion):
     @property
     def samples(self) -> Samples:
         motion, moves = self.motion(np.zeros(0, dtype=int)), self.quantity == "velocity"
-        course, rest = (motion.velocity, 0.0) if moves else (motion.displacement, self.values[-2])
+        course, last = (motion.velocity, 0.0) if moves else (motion.displacement, self.values[-2])
         unit = "m/s" if moves else "m"
-        constant_after = self.values[-1] == rest
+        constant_after = self.values[-1] == last
         return Samples(self.times, self.values, unit, lambda time: float(course(time)), constant_after, self._read_from)
 
     def motion(self, dofs: np.ndarray) -> PrescribedMotion:

@@ -94,8 +94,8 @@ class Bricks:
     def _cut(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Columns and rows of vertices that have a copy, each as first and last."""
         ranges = []
-        for (first, last), most in ((self.along, self.columns), (self.down, self._rows[1])):
-            ranges.append((first + (first > 0), last - (last < most)))
+        for (first, last), limit in ((self.along, self.columns), (self.down, self._rows[1])):
+            ranges.append((first + (first > 0), last - (last < limit)))
         return ranges[0], ranges[1]
 
     @property
@@ -113,8 +113,8 @@ class Bricks:
     def _places(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return column, layer along y and row along z of vertices."""
         (a, _), (c, d) = self._cut
-        column, rest = np.divmod(vertices, len(self.y) * len(self.z))
-        layer, row = np.divmod(rest, len(self.z))
+        column, remainder = np.divmod(vertices, len(self.y) * len(self.z))
+        layer, row = np.divmod(remainder, len(self.z))
         copied = vertices >= self._whole
         i, k = np.divmod(vertices - self._whole, d - c + 1)
         return np.where(copied, a + i, column), np.where(copied, self.plane, layer), np.where(copied, c + k, row)

@@ -72,22 +72,22 @@ class Facets:
         touched = np.zeros(cells.max() + 1, dtype=bool)
         touched[self.vertices[along]] = True
         corner = np.full(cells.shape, -1)
-        here = touched[cells]
-        corner[here] = np.arange(here.sum())
+        used = touched[cells]
+        corner[used] = np.arange(used.sum())
         uncut = self.cells[:, 1] >= 0
         uncut[along] = False
         uncut &= touched[self.vertices].any(axis=1)
         pairs = [corner[cell[:, None], places(cells[cell], self.vertices[uncut])] for cell in self.cells[uncut].T]
         a, b = (pair[pairs[0] >= 0] for pair in pairs)
-        _, label = connected_components(sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(here.sum(),) * 2), False)
+        _, label = connected_components(sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(used.sum(),) * 2), False)
         vertex = np.zeros(label.max(initial=-1) + 1, dtype=cells.dtype)
-        vertex[label] = cells[here]
+        vertex[label] = cells[used]
         is_copy = np.ones(len(vertex), dtype=bool)
         is_copy[np.unique(vertex, return_index=True)[1]] = False
         origin = vertex[is_copy]
         vertex[is_copy] = len(touched) + np.arange(len(origin))
         result = cells.copy()
-        result[here] = vertex[label]
+        result[used] = vertex[label]
         return result, origin
 
 

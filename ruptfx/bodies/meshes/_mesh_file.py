@@ -250,15 +250,15 @@ def _groups(path: Path, mesh: Mesh, type_: str) -> list[_Group]:
 
 def _numbers(path: Path, mesh: Mesh) -> dict[str, np.ndarray]:
     """Return the group number of every element, by type, of formats that have no names."""
-    whole = {
+    kinds = {
         key: data for key, data in mesh.cell_data_dict.items()
         if key != "gmsh:geometrical" and all(np.ndim(of) == 1 and of.dtype.kind in "iu" for of in data.values())
     }  # fmt: skip
-    if "gmsh:physical" in whole:  # zero is no group
-        return {type_: np.where(of == 0, -1, of) for type_, of in whole["gmsh:physical"].items()}
-    if len(whole) > 1:
-        raise RuptfxError(f"{path}: which numbers of elements are groups? It has: {', '.join(whole)}; keep one of them")
-    return next(iter(whole.values()), {})
+    if "gmsh:physical" in kinds:  # zero is no group
+        return {type_: np.where(of == 0, -1, of) for type_, of in kinds["gmsh:physical"].items()}
+    if len(kinds) > 1:
+        raise RuptfxError(f"{path}: which numbers of elements are groups? It has: {', '.join(kinds)}; keep one of them")
+    return next(iter(kinds.values()), {})
 
 
 def _named(
@@ -430,8 +430,8 @@ def _by_gmsh(path: Path, folder: Path, trust: bool, reason: str) -> Path:
         script.write_text(f'Include "{path.absolute()}";\n')
         if options.is_file():
             script.with_name(script.name + ".opt").write_bytes(options.read_bytes() + b"\n")
-    here = os.getcwd() if trust else str(folder)
-    command = [sys.executable, "-P", str(_gmsh.__file__), str(script), str(mesh), here]  # starts without this package
+    place = os.getcwd() if trust else str(folder)
+    command = [sys.executable, "-P", str(_gmsh.__file__), str(script), str(mesh), place]  # starts without this package
     try:
         with _ended_by_a_signal(path):
             done = subprocess.run(

@@ -137,10 +137,10 @@ class BoxWithFault(MeshSource):
     def _outside(self, length: float, size: float) -> np.ndarray:
         """Return distances from the fault of planes of vertices: even ones next to it, then growing [m]."""
         near = _even(min(self.fine, length), size) if self.fine else np.zeros(1)
-        rest = length - near[-1]
-        if rest <= 0.5 * size:
+        outer_length = length - near[-1]
+        if outer_length <= 0.5 * size:
             return near
-        return np.concatenate([near, near[-1] + row_levels(rest, size, self.growth)[1:]])
+        return np.concatenate([near, near[-1] + row_levels(outer_length, size, self.growth)[1:]])
 
 
 def _even(length: float, size: float) -> np.ndarray:

@@ -77,9 +77,9 @@ class BranchedFault(MeshSource):
 
     def build(self) -> RawMesh:
         points, cells, part, lines = self._mesh()
-        divided, whole = ("minus", "plus") if self.angle < 0 else ("plus", "minus")
+        divided, undivided = ("minus", "plus") if self.angle < 0 else ("plus", "minus")
         bodies = ["plus", "minus", "wedge"]
-        cell_body = np.array([bodies.index(name) for name in (whole, divided, "wedge")])[part]
+        cell_body = np.array([bodies.index(name) for name in (undivided, divided, "wedge")])[part]
         if self.angle > 0:
             points = points * (1.0, -1.0)
         diagonals = points[cells[:, 3]] - points[cells[:, 0]], points[cells[:, 2]] - points[cells[:, 1]]

@@ -187,8 +187,8 @@ class Specimen(MeshSource):
             return int(occ.addRectangle(x - width / 2, y - height / 2, 0, width, height))
         disc = occ.addDisk(x, y, 0, self.shape.diameter / 2, self.shape.diameter / 2)
         if self.shape.flat:
-            whole = occ.addRectangle(x - width / 2, y - height / 2, 0, width, height)
-            disc = occ.intersect([(2, disc)], [(2, whole)])[0][0][1]
+            rectangle = occ.addRectangle(x - width / 2, y - height / 2, 0, width, height)
+            disc = occ.intersect([(2, disc)], [(2, rectangle)])[0][0][1]
         return int(disc)
 
     def _bodies(self, points: Floats, triangles: Ints, platen: NDArray[np.bool_]) -> tuple[list[str], Ints]:

@@ -157,10 +157,10 @@ class Nodes:
         dofs, c = self.space.dofmap.list, self.components
         touches = np.zeros((len(self.bodies.names), self.count), dtype=bool)
         for number, row in enumerate(touches):
-            here = np.zeros(self.count * c)
-            here.reshape(-1, c)[dofs[self.bodies.cell_body[: len(dofs)] == number]] = 1
-            self.sum_shared(here)
-            row[:] = here[::c] > 0
+            marked = np.zeros(self.count * c)
+            marked.reshape(-1, c)[dofs[self.bodies.cell_body[: len(dofs)] == number]] = 1
+            self.sum_shared(marked)
+            row[:] = marked[::c] > 0
         return touches
 
     @property

@@ -131,9 +131,9 @@ class Variation:
         order = np.asarray(-local.density if lame is None else lame[1] / local.density)
         order = np.broadcast_to(order, next(iter(values.values())).shape).ravel()
         place = int(np.argmin(order)) if len(order) else None
-        here = [np.inf] * (1 + len(values)) if place is None else [
+        point_values = [np.inf] * (1 + len(values)) if place is None else [
             float(order[place]), *(float(each.ravel()[place]) for each in values.values())]  # fmt: skip
-        every = parallel.share_rows(self._space.mesh.comm, np.array([here]))
+        every = parallel.share_rows(self._space.mesh.comm, np.array([point_values]))
         _, *chosen = min(every.tolist())
         return material.with_values(dict(zip(values, chosen, strict=True)))
 

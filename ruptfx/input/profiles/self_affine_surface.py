@@ -38,8 +38,8 @@ class SelfAffineSurface(SelfAffineField):
 
     def _waves(self) -> np.ndarray:
         """Return the numbers of waves along both directions, one of two opposite ones, shape (waves, 2)."""
-        most = int(np.floor(self.length / self.shortest + 1e-9))
-        k, m = (each.ravel() for each in np.meshgrid(np.arange(most + 1), np.arange(-most, most + 1), indexing="ij"))
+        top = int(np.floor(self.length / self.shortest + 1e-9))
+        k, m = (each.ravel() for each in np.meshgrid(np.arange(top + 1), np.arange(-top, top + 1), indexing="ij"))
         size = np.hypot(k, m)
         low, high = self.length / self.longest * (1 - 1e-9), self.length / self.shortest * (1 + 1e-9)
         kept = (size >= low) & (size <= high) & ((k > 0) | (m > 0))

@@ -94,10 +94,10 @@ class Ground(Attached):
         for mode, (strength, length) in enumerate(((law.f_t, law.opening_at_failure), (law.c, law.slip_at_failure))):
             ways = np.linspace(0, 1, 201)[:, None] * np.broadcast_to(length, n)
             ways = np.where(np.isfinite(ways), ways, 0.0)
-            left = np.array([self._strengths(self._damage(*((way, 0 * way), (0 * way, way))[mode]))[mode]
+            strengths = np.array([self._strengths(self._damage(*((way, 0 * way), (0 * way, way))[mode]))[mode]
                              for way in ways])  # fmt: skip
             with np.errstate(all="ignore"):
-                slope = -np.diff(left, axis=0) / np.diff(ways, axis=0)
+                slope = -np.diff(strengths, axis=0) / np.diff(ways, axis=0)
             items.append(float(np.where(np.isfinite(slope) & (strength > 0), slope, 0.0).max(initial=0.0)))
         return items[0], items[1]
 

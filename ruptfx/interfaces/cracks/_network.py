@@ -111,8 +111,8 @@ class CrackNetwork:
 
     def pairs(self) -> np.ndarray:
         """Return the numbers of the bodies on both sides of facets, each pair once, shape (pairs, 2); collective."""
-        here = np.unique(np.sort(self.bodies[self.owned], axis=1), axis=0)
-        return np.unique(parallel.share_rows(self.comm, here), axis=0)
+        own_pairs = np.unique(np.sort(self.bodies[self.owned], axis=1), axis=0)
+        return np.unique(parallel.share_rows(self.comm, own_pairs), axis=0)
 
     def gather(self, columns: np.ndarray) -> np.ndarray | None:
         """Return rows of all owned facets in the order of all ranks on rank 0, None elsewhere; collective.

@@ -132,9 +132,9 @@ class RigidCracks(CrackStep):
         place = np.zeros(self._nodes, np.int32)
         place[star] = np.arange(len(star)) - np.repeat(bounds[:-1], np.diff(bounds))
         # Ends in the order of facets independent of the partition, by their local indices.
-        here = np.empty(len(self.order), np.int64)
-        here[self.order] = np.arange(len(self.order))
-        facet, end = np.repeat(here, 2), np.tile([0, 1], len(here))
+        position = np.empty(len(self.order), np.int64)
+        position[self.order] = np.arange(len(self.order))
+        facet, end = np.repeat(position, 2), np.tile([0, 1], len(position))
         at = self._vertex_of[self.corners[facet, 0, end]]
         sorted_ = np.argsort(at, kind="stable")
         sorted_ = sorted_[at[sorted_] >= 0]
@@ -151,8 +151,8 @@ class RigidCracks(CrackStep):
         self._keep("leader", np.arange(self._nodes, dtype=np.int32))
         self.leader = self._arrays["leader"]
         # Sizes in the C code: other ones may be rounded differently.
-        most = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
-        self._most = [int(parallel.largest(net.comm, value)) for value in most]
+        largest = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
+        self._most = [int(parallel.largest(net.comm, value)) for value in largest]
 
     def _compile(self) -> None:
         """Compile the formulas of all groups with the code that uses them."""
@@ -177,9 +177,9 @@ class RigidCracks(CrackStep):
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1], "PRELOADED": int(self.initial_stress.any()),
             "LARGE_ROTATIONS": int(self.large_rotations), "NORMAL_TRACTION": to_c(normal_traction(), end=" \\\n"),
         }  # fmt: skip
-        whole = _source("rigid_types.c") + text + f"static const struct law LAWS[] = {{{laws}}};\n"
+        source = _source("rigid_types.c") + text + f"static const struct law LAWS[] = {{{laws}}};\n"
         shared = "".join(files("ruptfx").joinpath(part).read_text() for part in SHARED)
-        self._library = native.load("rigid", shared + whole + _source("patch.c") + _source("rigid.c"), entries)
+        self._library = native.load("rigid", shared + source + _source("patch.c") + _source("rigid.c"), entries)
         self._library.check.restype = ctypes.c_long
         group_of = np.zeros(len(self.order), np.int32)
         for number, group in enumerate(self.groups):
@@ -253,12 +253,12 @@ class RigidCracks(CrackStep):
             Nodes with loads, whose vertices are left unchanged, as are those with several components and those that
             `couple` has left to another mechanism.
         """
-        left = (self._arrays["split"] > 0) | self._others
+        excluded = (self._arrays["split"] > 0) | self._others
         touched = acting & (self._vertex_of >= 0)
-        left[self._vertex_of[touched]] = True
-        self._arrays["left"][:] = left
-        self.summed_vertices = np.flatnonzero(left).astype(np.int32)
-        return np.flatnonzero((self._vertex_of < 0) | left[self._vertex_of])
+        excluded[self._vertex_of[touched]] = True
+        self._arrays["left"][:] = excluded
+        self.summed_vertices = np.flatnonzero(excluded).astype(np.int32)
+        return np.flatnonzero((self._vertex_of < 0) | excluded[self._vertex_of])
 
     # -- steps -----------------------------------------------------------------------------------------------------
 

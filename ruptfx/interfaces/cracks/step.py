@@ -216,8 +216,8 @@ class CrackStep(FacetFrames):
             for laws, begin, end in zip(kinds, bounds[:-1], bounds[1:], strict=True)
         ]
         owned, self._open = net.owned, net.open[self.order]
-        whole = net.total(net.length[owned])
-        self.edge = whole / max(net.total(np.ones(int(owned.sum()))), 1.0)
+        total_length = net.total(net.length[owned])
+        self.edge = total_length / max(net.total(np.ones(int(owned.sum()))), 1.0)
         bonded = np.array([laws.cohesion is not None for laws in kinds])[kind] & ~net.open
         self.length_per_area = net.total(net.length[owned & bonded]) / net.area
         of_sides = np.empty(net.bodies.shape)
@@ -418,8 +418,8 @@ class CrackStep(FacetFrames):
         stiffness = np.repeat(self.weight * self.stiffness, 2)
         rows, columns = np.concatenate([minus, plus, minus, plus]), np.concatenate([minus, plus, plus, minus])
         values = np.concatenate([stiffness, stiffness, -stiffness, -stiffness])
-        here = rows < self._owned_nodes
-        return sparse.csr_matrix((values[here], (rows[here], columns[here])), shape=(self._nodes,) * 2)
+        is_owned = rows < self._owned_nodes
+        return sparse.csr_matrix((values[is_owned], (rows[is_owned], columns[is_owned])), shape=(self._nodes,) * 2)
 
     def tractions(
         self, state: FaultState, normal: np.ndarray | None = None, tangent: np.ndarray | None = None

@@ -60,8 +60,8 @@ class InitialBodyStress:
         along the interface it is an elastic state as well.
         """
         if self._stress is not None:
-            whole = matrices(self._stress.effective(points))
-            return np.stack([whole[:, i, j] for i, j in self._entries], axis=1)
+            stresses = matrices(self._stress.effective(points))
+            return np.stack([stresses[:, i, j] for i, j in self._entries], axis=1)
         stress = np.tile(self.mean, (len(points), 1))
         if self._uneven is not None:
             tangent, place, excess, across = self._uneven

@@ -38,10 +38,10 @@ def nearest_on_line(face: Interface, comm: fem.MPI.Comm, point: np.ndarray) -> t
     part = np.clip(np.sum((point - begin) * side, axis=1) / np.sum(side**2, axis=1), 0, 1)
     feet = begin + part[:, None] * side
     away = np.linalg.norm(point - feet, axis=1)
-    best, most = int(np.argmin(away)), FARTHEST * np.ptp(corners, axis=0).max()
-    if away[best] > most:
+    best, limit = int(np.argmin(away)), FARTHEST * np.ptp(corners, axis=0).max()
+    if away[best] > limit:
         raise RuptfxError(
-            f"({point[0]:.6g}, {point[1]:.6g}) m is {away[best]:.4g} m from the interface, at most {most:.4g} m "
+            f"({point[0]:.6g}, {point[1]:.6g}) m is {away[best]:.4g} m from the interface, at most {limit:.4g} m "
             f"(a hundredth of its extent) are taken; its nearest point is ({feet[best, 0]:.12g}, "
             f"{feet[best, 1]:.12g}) m"
         )
@@ -65,10 +65,10 @@ def nearest_on_surface(face: Interface, comm: fem.MPI.Comm, point: np.ndarray) -
     points = rows[:, 3:6]
     best = int(np.argmin(np.linalg.norm(points - point, axis=1)))
     normal, *tangents = rows[best, 6:].reshape(3, 3)
-    away, most = abs(float((point - points[best]) @ normal)), FARTHEST * np.ptp(points, axis=0).max()
+    away, limit = abs(float((point - points[best]) @ normal)), FARTHEST * np.ptp(points, axis=0).max()
     result = rows[best, 1:3] + np.stack(tangents) @ (point - points[best])
-    low, high = rows[:, 1:3].min(axis=0) - most, rows[:, 1:3].max(axis=0) + most
-    if away > most or np.any(result < low) or np.any(result > high):
+    low, high = rows[:, 1:3].min(axis=0) - limit, rows[:, 1:3].max(axis=0) + limit
+    if away > limit or np.any(result < low) or np.any(result > high):
         here, there = (", ".join(f"{value:.12g}" for value in each) for each in (point, points[best]))
         raise RuptfxError(f"({here}) m is not on the interface, whose nearest node is ({there}) m")
     return np.asarray(result)

@@ -32,8 +32,8 @@ class InsertedForce(Mechanism):
         self._stepped = stepped
         self._dofs = stepped.dofs
         if self.inelastic is not None:
-            here = nodes_of_sweeps(model.space, self.inelastic.sweeps)
-            self._dofs = stepped.dofs[here[stepped.dofs // model.components]]
+            nodes = nodes_of_sweeps(model.space, self.inelastic.sweeps)
+            self._dofs = stepped.dofs[nodes[stepped.dofs // model.components]]
         self._index = stepped.index if len(self._dofs) == len(stepped.dofs) else self._dofs
         shared = model.layout.shared[self._dofs // model.components]
         self._shared, self._others = self._dofs[shared], self._dofs[~shared]

@@ -66,9 +66,9 @@ class KelvinVoigt(Mechanism):
         self._viscosity.add_force(state.displacement, state.velocity, force)
         self._stepped.add_damping(self._dofs, self._viscosity.eta, force, state.force)
         if self._viscosity.rotates:
-            state.fields[OF_VISCOSITY] = whole = force.copy()
+            state.fields[OF_VISCOSITY] = viscous_force = force.copy()
             if not self._viscosity.everywhere:  # elements of other ranks have the same nodes
-                self.model.layout.sum_shared(whole)
+                self.model.layout.sum_shared(viscous_force)
 
     def outside_energy(self) -> list[tuple[NDArray[np.int64] | slice, Floats]]:
         if self._viscosity.everywhere and self.damped is None:  # the stepper knows what was added first
@@ -85,11 +85,11 @@ class KelvinVoigt(Mechanism):
             state.energy["damping"] -= power * kick.clock.kick
             return
         only = self._stepped.only
-        here, among = (self._here, self._among) if only is None else (only, only)
+        nodes, among = (self._here, self._among) if only is None else (only, only)
         before = self._stepped.velocity_before[among]
-        lost = float(self.damped.lost[0]) - float(self._force[here] @ (0.5 * (before + state.velocity[here])))
+        lost = float(self.damped.lost[0]) - float(self._force[nodes] @ (0.5 * (before + state.velocity[nodes])))
         self.damped.lost[:] = 0
-        self._force[here] = 0
+        self._force[nodes] = 0
         state.energy["damping"] += lost * kick.clock.kick
 
 

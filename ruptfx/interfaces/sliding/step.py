@@ -132,8 +132,8 @@ class SlidingStep:
         initial = np.zeros_like(inverse_mass)
         face.initial.assemble(np.column_stack([-fault.normal_stress_0, fault.shear_traction_0]), initial)
         self._filled = filled = -(-n // LANES) * LANES
-        tolerance, most = fault.contact.sweeps_to() or (0.0, 0)
-        self._rigid = most > 0
+        tolerance, sweeps = fault.contact.sweeps_to() or (0.0, 0)
+        self._rigid = sweeps > 0
         self._frame, self._offset, self._load = np.zeros((5, filled)), np.zeros((2, filled)), np.zeros(filled)
         self._before, self._rate = np.zeros((2, filled)), np.zeros((2, filled))
         arrays = (
@@ -146,7 +146,7 @@ class SlidingStep:
         marks = self._reach, changed, np.zeros(parts + 1, dtype=np.int64)
         self._arrays = (*arrays, *marks)
         self._sweeps = _Sweeps(
-            most, tolerance, *(array.ctypes.data for array in arrays), parts, *(array.ctypes.data for array in marks)
+            sweeps, tolerance, *(array.ctypes.data for array in arrays), parts, *(array.ctypes.data for array in marks)
         )
         self._stress_before = np.zeros(n)
         self._opened = self._fractured = 0.0  # work of tension, and what cohesion took, in the last step [J]

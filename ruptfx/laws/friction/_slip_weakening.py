@@ -33,8 +33,8 @@ class SlipWeakening(FrictionLaw):
         return {"cumulative_slip": np.zeros_like(normal_stress)}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        left = self.remaining_fraction(state["cumulative_slip"] / self.D_c)
-        return (self.mu_d + (self.mu_s - self.mu_d) * left) * normal_stress
+        remaining = self.remaining_fraction(state["cumulative_slip"] / self.D_c)
+        return (self.mu_d + (self.mu_s - self.mu_d) * remaining) * normal_stress
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
         return {"cumulative_slip": state["cumulative_slip"] + slip_rate * dt}

@@ -82,8 +82,8 @@ class RateAndStatePowerLaw(FrictionLaw):
         start = np.asarray(self.theta_0_initial + 0.0 * normal_stress)
         residual = self.steady_strength(slip_rate, normal_stress)
         # theta_0 approaches its limit as exp(-A_0 slip / L_0).
-        most = 40 + np.log1p(slip_rate * np.max(start / self.L_0))
-        times = np.linspace(0, most, 2001).reshape(-1, *[1] * start.ndim)
+        most_steps = 40 + np.log1p(slip_rate * np.max(start / self.L_0))
+        times = np.linspace(0, most_steps, 2001).reshape(-1, *[1] * start.ndim)
         peak = self.strength(0.0 * start + slip_rate, normal_stress, {"theta_0": start})
         # Simpson's rule, over pairs of intervals in parts: surfaces have so many points that all times of all points
         # fill the memory.

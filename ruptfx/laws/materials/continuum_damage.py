@@ -54,12 +54,13 @@ class ContinuumDamage(Prestressed):
         return {"growth": StateField("1"), "excess": StateField("1")}
 
     def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
-        whole, growth = self._elastic(strain) + self._initial, state["growth"]
-        size = np.sqrt(self._young() * self._twice_energy(whole) + SMALLEST) / self.strength
+        elastic, growth = self._elastic(strain) + self._initial, state["growth"]
+        size = np.sqrt(self._young() * self._twice_energy(elastic) + SMALLEST) / self.strength
         beyond = size - 1 - growth
         grown = relaxed(state["excess"], beyond, dt / self.relaxation_time)
         new = growth + grown
-        return self._remaining(new) * whole - self._initial, {"growth": new, "excess": np.maximum(beyond - grown, 0.0)}
+        excess = np.maximum(beyond - grown, 0.0)
+        return self._remaining(new) * elastic - self._initial, {"growth": new, "excess": excess}
 
     def recorded_states(self) -> dict[str, RecordedState]:
         return {"damage": RecordedState("1", "damage, the lost part of the stiffness")}
@@ -69,9 +70,9 @@ class ContinuumDamage(Prestressed):
 
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
         """Return the energy of the remaining stiffness less that at the start and the work of initial stress."""
-        whole = self._twice_energy(self._elastic(strain) + self._initial)
+        twice_energy = self._twice_energy(self._elastic(strain) + self._initial)
         begun, value = self._twice_energy(self._initial), self._initial.dot(strain)
-        return 0.5 * (self._remaining(state["growth"]) * whole - begun) - value
+        return 0.5 * (self._remaining(state["growth"]) * twice_energy - begun) - value
 
     def _twice_energy(self, stress: Tensor) -> Any:
         """Return S : C^-1 : S of a stress S without damage [J/m3]."""

@@ -114,8 +114,8 @@ class IsotropicElastic(Material):
             except ValidationError as error:
                 raise ValueError("; ".join(str(CaseError.from_validation(error)).splitlines())) from None
             young, nu = items.young_and_poisson()
-            rest = {key: value for key, value in values.items() if key not in keys}
-            return {**rest, "young_modulus": young, "poisson_ratio": nu}
+            others = {key: value for key, value in values.items() if key not in keys}
+            return {**others, "young_modulus": young, "poisson_ratio": nu}
         return values
 
     @classmethod

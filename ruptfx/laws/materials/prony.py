@@ -37,13 +37,13 @@ class Prony(Relaxing):
 
     def check_values(self) -> None:
         first, shear = self.lame("strain")
-        for key, name, whole in (("shear_moduli", "shear", shear), ("bulk_moduli", "bulk", first + 2 * shear / 3)):
+        for key, name, modulus in (("shear_moduli", "shear", shear), ("bulk_moduli", "bulk", first + 2 * shear / 3)):
             moduli = getattr(self, key)
             if moduli is None:
                 continue
             if len(moduli) != len(self.times):
                 raise ValueError(f"{key}: {len(moduli)} moduli for {len(self.times)} times; give one for each time")
-            least = float(np.min(whole))
+            least = float(np.min(modulus))
             if sum(moduli) > least * (1 + 1e-12):
                 raise ValueError(
                     f"{key}: their sum {sum(moduli):.4g} Pa exceeds the {name} modulus {least:.4g} Pa of sudden "

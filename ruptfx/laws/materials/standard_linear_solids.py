@@ -41,10 +41,10 @@ class StandardLinearSolids(Relaxing):
 
     def check_values(self) -> None:
         first, shear = self.lame("strain")
-        if self.Q_p > (most := float(np.min(0.75 * (first + 2 * shear) / shear)) * self.Q_s):
+        if self.Q_p > (bound := float(np.min(0.75 * (first + 2 * shear) / shear)) * self.Q_s):
             raise ValueError(
                 f"Q_p = {self.Q_p:g}: the bulk modulus would not dissipate; with Q_s = {self.Q_s:g} use at most "
-                f"{at_most(most)}"
+                f"{at_most(bound)}"
             )
         if any(np.min(y) < 0 for of_wave in self.coefficients for y in of_wave) or any(
             np.max(sum(of_wave)) >= 1 for of_wave in self.coefficients

@@ -97,9 +97,9 @@ class MaxwellSlip(LumpedModel):
         per_block, length = self.normal_force / self.blocks, self.normal_force / self.blocks / self.stiffness
         alphas = np.array(self.alphas)
         corners = [e.corners(0) for e in ensembles]
-        most = max(len(s) for s, _ in corners)
-        traces = np.full((2, len(alphas), most), np.nan)
-        slips, slipped = np.full((len(alphas), most), np.nan), np.full((len(alphas), most), -1)
+        most_corners = max(len(s) for s, _ in corners)
+        traces = np.full((2, len(alphas), most_corners), np.nan)
+        slips, slipped = np.full((len(alphas), most_corners), np.nan), np.full((len(alphas), most_corners), -1)
         for row, ((displacement, friction), ensemble) in enumerate(zip(corners, ensembles, strict=True)):
             traces[:, row, : len(displacement)] = displacement, friction
             events = ensemble.count[0]

@@ -163,8 +163,8 @@ def chaining(event: Event) -> float:
 
     Above 1 fronts start ahead of the first one: superposed fronts from several positions outrun the waves of the chain.
     """
-    local, whole = event.speeds(), np.ptp(event.front_times)
-    return float(event.blocks / whole / np.median(local)) if len(local) and whole > 0 else float("nan")
+    local, total_time = event.speeds(), np.ptp(event.front_times)
+    return float(event.blocks / total_time / np.median(local)) if len(local) and total_time > 0 else float("nan")
 
 
 def length_against_force(events: list[Event]) -> tuple[float, float]:

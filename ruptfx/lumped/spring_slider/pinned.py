@@ -47,13 +47,13 @@ class LoadingUnloading(Experiment):
         progress(0.0, "to the first slip")
         times = np.linspace(0, 2 * threshold / soft / self.speed, 2 * self.samples)
         # The threshold of the source: the slip rate is that of the drive for the first time.
-        whole = integrate(slow, start, times, self.speed, stop_at=self.speed)
-        static = whole.friction[-1]
-        moved = self.speed * whole.time - whole.friction * slider.normal_force / slider.stiffness
+        motion = integrate(slow, start, times, self.speed, stop_at=self.speed)
+        static = motion.friction[-1]
+        moved = self.speed * motion.time - motion.friction * slider.normal_force / slider.stiffness
         forces, positions, slips = [], [], []
         for number, fraction in enumerate(self.fractions):
             progress((1 + number) / (1 + len(self.fractions)), f"{fraction:g} of the static force")
-            turn = float(np.interp(fraction * static, whole.friction, whole.time))
+            turn = float(np.interp(fraction * static, motion.friction, motion.time))
             rise = np.linspace(0, turn, self.samples)
             first = integrate(slow, start, rise, self.speed)
             # The drive returns by what spring and interface are stretched.
@@ -69,7 +69,7 @@ class LoadingUnloading(Experiment):
                 "friction": variable(("fraction", "sample"), np.array(forces), "1", "force over normal force"),
                 "displacement": variable(("fraction", "sample"), np.array(positions), "m", "displacement"),
                 "irreversible": variable("fraction", np.array(slips), "m", "irreversible slip after unloading"),
-                "whole_friction": variable("whole", whole.friction, "1", "force over normal force, to the slip"),
+                "whole_friction": variable("whole", motion.friction, "1", "force over normal force, to the slip"),
                 "whole_displacement": variable("whole", moved, "m", "its displacement"),
                 "static_friction": variable((), static, "1", "friction coefficient where the slip rate is the drive's"),
             },

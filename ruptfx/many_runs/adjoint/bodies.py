@@ -176,13 +176,13 @@ class ConstantChange:
     ) -> tuple[operators.Operator, bool]:
         """Return the operator of the changed moduli, and whether this rank has cells of it; collective."""
         model, owned = self._model, self._model.mesh.topology.index_map(self._model.mesh.topology.dim).size_local
-        here = bool(cells[:owned].any())
+        is_present = bool(cells[:owned].any())
         cells = cells.copy()
-        if not here:
+        if not is_present:
             cells[0] = True  # an operator needs an element
         materials: Any = [change] * len(bulk.materials)
         made = replace(bulk, materials=materials, only=cells, variation=None)
-        return operators.create(model.case.operator, made, model.case.loaded), here
+        return operators.create(model.case.operator, made, model.case.loaded), is_present
 
     def _changed(self, mass: Floats) -> Iterator[tuple[Model, float]]:
         """Yield models with changed materials, masses and loads, and their weights in the derivative."""
@@ -230,13 +230,13 @@ class ConstantChange:
         model = self._model
         force = np.zeros_like(displacement)
         if self._viscous is not None and model.viscosity is not None:
-            operator, here = self._viscous
-            if here:
+            operator, is_present = self._viscous
+            if is_present:
                 operator.add_internal_force(velocity, force)
             force *= model.viscosity.eta
         if self._stiffness is not None:
-            operator, here = self._stiffness
-            if here:
+            operator, is_present = self._stiffness
+            if is_present:
                 operator.add_internal_force(displacement, force)
             model.layout.sum_shared(force)
         for view, weight in self._views:

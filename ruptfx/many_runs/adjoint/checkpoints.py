@@ -131,9 +131,9 @@ def schedule(steps: int, of_step: float, of_checkpoint: float, most: float) -> S
     RuptfxError
         If it does not suffice for the history of one step.
     """
-    whole = (steps + 1) * of_step
-    if whole <= most:
-        return Schedule(steps, steps, 0, whole)
+    memory_of_all = (steps + 1) * of_step
+    if memory_of_all <= most:
+        return Schedule(steps, steps, 0, memory_of_all)
     if 2 * of_step > most:
         raise RuptfxError(
             f"the history of the interfaces of one step needs {at_least(2e-9 * of_step, 4)} GB of memory, and at most "

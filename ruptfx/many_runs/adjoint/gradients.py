@@ -95,9 +95,9 @@ class Objective:
             bodies = ModelReadings(model, lambda points: np.ones((len(points), 6)))
             items = [term.requests(bodies, f"objective.{number}") for number, term in enumerate(self.terms)]
             self._counts = [len(each) for each in items]
-            whole = [each for of_term in items for each in of_term]
-            names.extend(each.channel.name if isinstance(each, Trace) else each.field for each in whole)
-            return whole
+            terms_of_all = [each for of_term in items for each in of_term]
+            names.extend(each.channel.name if isinstance(each, Trace) else each.field for each in terms_of_all)
+            return terms_of_all
 
         self.sweeps = Sweeps(self.model, requests, most, tell, record)
         self.samples = list(zip(names, self.sweeps.samples, strict=True))
@@ -142,8 +142,9 @@ class Objective:
                 result.append(Derivative(unknown, place, by_term))
                 continue
             names = list(points[place.fault].parameters)
-            here = loaded[place.key] + sum(part * gradient[place.fault][names.index(name)] for name, part in place.rows)
-            result.append(Derivative(unknown, place, self._whole(place.fault, here)))
+            slope = sum(part * gradient[place.fault][names.index(name)] for name, part in place.rows)
+            slope = loaded[place.key] + slope
+            result.append(Derivative(unknown, place, self._whole(place.fault, slope)))
         return result
 
     def _by_constants(self, factors: list[Floats], items: list[Place], tell: Told) -> dict[str, Floats]:

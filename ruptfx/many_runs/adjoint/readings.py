@@ -76,10 +76,10 @@ class Readings:
             return values, vector[values]
         face = self._faults[field.split("/")[0]].interface
         rows = parallel.share_rows(model.comm, np.column_stack([face.number[places], weights]))
-        whole = np.zeros(face.total)
-        np.add.at(whole, rows[:, 0].astype(int), rows[:, 1])
-        values = np.flatnonzero(whole[face.number])
-        return values, whole[face.number[values]]
+        complete = np.zeros(face.total)
+        np.add.at(complete, rows[:, 0].astype(int), rows[:, 1])
+        values = np.flatnonzero(complete[face.number])
+        return values, complete[face.number[values]]
 
     # -- reading ---------------------------------------------------------------------------------------------------
 
@@ -128,10 +128,10 @@ class Readings:
         for number, request in enumerate(self.requests):
             if isinstance(request, Final):
                 face = self._faults[request.fault].interface
-                whole = np.zeros(face.total)
-                whole[face.number[face.owned]] = self._final[number][face.owned]
+                complete = np.zeros(face.total)
+                complete[face.number[face.owned]] = self._final[number][face.owned]
                 position, weight = self._orders[request.fault]
-                items.append(Sample(position, parallel.total(self._model.comm, whole), weight))
+                items.append(Sample(position, parallel.total(self._model.comm, complete), weight))
                 continue
             clocks = [clock for clock, which in keys if which == number]
             times = self._times(request, clocks[0])

@@ -150,8 +150,8 @@ class Inversion:
         missing = {number: z for number, z in asked.items() if known[number] is None}
         done = begin + len(asked) - len(missing)
         made = self.pool.make(missing, "none", lambda count: self._tell_runs(done + count))
-        rest = iter(made)
-        runs = [each or next(rest) for each in known.values()]
+        remaining = iter(made)
+        runs = [each or next(remaining) for each in known.values()]
         self._runs += runs
         return [each.total for each in runs]
 
@@ -223,10 +223,10 @@ class Inversion:
         The number of runs of an iteration is unknown: each further one takes half of the rest.
         """
         about = f"run {number + 1}" + (f", {self._told()}" if self._iterates else "")
-        rest = 1.0 if self._expected else 0.5 ** max(number - self._first_of_iteration, 0)
+        weight = 1.0 if self._expected else 0.5 ** max(number - self._first_of_iteration, 0)
 
         def told(done: float, text: str) -> None:
-            part = 1 - rest * (1 - begin - (end - begin) * done)
+            part = 1 - weight * (1 - begin - (end - begin) * done)
             self._bar.update(min(self._part_done(part), 1.0), f"{about}, {text}")
 
         return told
@@ -322,8 +322,8 @@ class Inversion:
         begin = 0
         for term in self.case.objective:
             for each in term.measured() or []:
-                here = slice(begin, begin := begin + len(each.values))
-                fits.append(Fit(each.name, each.times, each.values, self._runs[0].readings[here], best.readings[here]))
+                part = slice(begin, begin := begin + len(each.values))
+                fits.append(Fit(each.name, each.times, each.values, self._runs[0].readings[part], best.readings[part]))
         return fits
 
     def _write(self) -> None:

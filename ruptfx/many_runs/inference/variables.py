@@ -51,10 +51,10 @@ def values_of_case(model: Model, place: Place) -> Floats:
             total += part * fault.shear_traction_0[:, int(name.rpartition("_")[2])]
         else:
             law: FrictionLaw = fault.friction
-            rest = name.removeprefix("p_")
-            while rest not in type(law).model_fields:
-                law, rest = law.law, rest.removeprefix("law_")  # type: ignore[attr-defined]
-            total += part * getattr(law, rest)
+            suffix = name.removeprefix("p_")
+            while suffix not in type(law).model_fields:
+                law, suffix = law.law, suffix.removeprefix("law_")  # type: ignore[attr-defined]
+            total += part * getattr(law, suffix)
     return total
 
 

@@ -71,8 +71,8 @@ def opened(marker: Path | None, address: str | None, cores: int | None, ranks: i
     with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
         if address is None:
             slots = max(1, (cores or len(os.sched_getaffinity(0))) // ranks)
-            here: Table = {"processes": False, "dashboard_address": "127.0.0.1:0"}
-            with LocalCluster(n_workers=1, threads_per_worker=slots, **here) as cluster, Client(cluster) as client:
+            local: Table = {"processes": False, "dashboard_address": "127.0.0.1:0"}
+            with LocalCluster(n_workers=1, threads_per_worker=slots, **local) as cluster, Client(cluster) as client:
                 try:
                     yield client
                 finally:

@@ -88,10 +88,10 @@ class Map:
     @property
     def facets(self) -> list[tuple[str, list[Row]]]:
         """Rows grouped by the values of the remaining axes; a hypercube is one group."""
-        rest = [a for a in self.study.axes if a not in self.axes and a not in self.study.sampled]
+        other_axes = [a for a in self.study.axes if a not in self.axes and a not in self.study.sampled]
         groups: dict[str, list[Row]] = {}
         for row in self.rows:
-            label = ", ".join(_value(axis, row[axis.column]) for axis in rest)
+            label = ", ".join(_value(axis, row[axis.column]) for axis in other_axes)
             groups.setdefault(label, []).append(row)
         return list(groups.items())
 

@@ -26,13 +26,13 @@ def run_point(path: str, point: str, table: Table, keep: list[str], ranks: int, 
     RuptfxError
         If the study is stopping, or its directory is missing.
     """
-    here = Path(path)
-    if (known := read_result(here, point)) is not None:
+    folder = Path(path)
+    if (known := read_result(folder, point)) is not None:
         return known
     try:
-        directory = workspace(here, point)
+        directory = workspace(folder, point)
     except OSError as error:
-        message = f"{here}: a worker cannot write there ({error.strerror}): is it on a shared file system?"
+        message = f"{folder}: a worker cannot write there ({error.strerror}): is it on a shared file system?"
         raise RuptfxError(message) from None
     began = time.perf_counter()
     _save_case(table, directory)
@@ -44,11 +44,11 @@ def run_point(path: str, point: str, table: Table, keep: list[str], ranks: int, 
     if children.are_closing() or result["status"] == "interrupted":
         shutil.rmtree(directory, ignore_errors=True)
         raise RuptfxError(result.get("error", "the study is stopping"))
-    return commit(here, point, directory, {**result, "seconds": time.perf_counter() - began})
+    return commit(folder, point, directory, {**result, "seconds": time.perf_counter() - began})
 
 
 def _save_case(table: Table, directory: Path) -> None:
     """Write the case of a point, for a separate run; its plug-ins are those of the study."""
     named = [os.path.relpath(path, directory) for path in table.get("plugins", [])]
-    whole = {**table, "plugins": named} if named else table
-    (directory / "case.toml").write_text(tomli_w.dumps(whole), encoding="utf-8")
+    full_table = {**table, "plugins": named} if named else table
+    (directory / "case.toml").write_text(tomli_w.dumps(full_table), encoding="utf-8")

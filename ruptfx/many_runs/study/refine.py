@@ -32,8 +32,8 @@ def boundaries(study: Study, known: Known) -> Iterator[Step]:
         column = axis.column
         lines: dict[tuple[str, ...], list[tuple[Point, Result]]] = {}
         for point, result in known:
-            rest = tuple(str(value) for name, value in point.coordinates.items() if name != column)
-            lines.setdefault(rest, []).append((point, result))
+            others = tuple(str(value) for name, value in point.coordinates.items() if name != column)
+            lines.setdefault(others, []).append((point, result))
         for line in lines.values():
             line.sort(key=lambda item: item[0].coordinates[column])
             for (low, one), (high, other) in pairwise(line):

@@ -57,8 +57,8 @@ class Store:
             self._claim(marker)
             for file in unfinished:
                 file.unlink(missing_ok=True)
-            for left in self.points.glob(".*"):
-                shutil.rmtree(left, ignore_errors=True)
+            for leftover in self.points.glob(".*"):
+                shutil.rmtree(leftover, ignore_errors=True)
             self._held = stack.pop_all()
         return self
 

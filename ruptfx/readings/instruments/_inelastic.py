@@ -51,8 +51,8 @@ class InelasticStress:
         """Compute only the cells of these places from now on."""
         self._values = np.zeros(self.size)
         for name, (cells, points, parts) in self._parts.items():
-            here = places[(places >= self._first[name]) & (places < self._first[name] + cells * points * parts)]
-            self._rows[name] = np.unique((here - self._first[name]) // (points * parts))
+            own_places = places[(places >= self._first[name]) & (places < self._first[name] + cells * points * parts)]
+            self._rows[name] = np.unique((own_places - self._first[name]) // (points * parts))
 
     def read(self, state: State) -> np.ndarray:
         """Return the vector at the time of the faults; zero outside of the chosen cells."""

@@ -120,20 +120,20 @@ class ModelReadings:
             weights = self._along(face, place, f"{key}.{field}")
         else:
             weights = self._on(fault, place, key)
-        here = np.flatnonzero(face.owned & np.isin(face.number, list(weights)))
-        mine = np.array([weights[int(number)] for number in face.number[here]])
+        own_points = np.flatnonzero(face.owned & np.isin(face.number, list(weights)))
+        mine = np.array([weights[int(number)] for number in face.number[own_points]])
         items = []
         for each in FIELDS:
             for number, label in enumerate(each.names(fault.tangents) if each.recorded else ()):
                 text = each.long_name
                 if label != each.name:
                     # A rank without such points contributes nothing.
-                    tangent = parallel.total(self.model.comm, mine @ face.frame[here, 1 + number])
+                    tangent = parallel.total(self.model.comm, mine @ face.frame[own_points, 1 + number])
                     along = ", ".join(f"{value:.3g}" for value in tangent / np.linalg.norm(tangent) + 0.0)
                     text += f" along tangent {number + 1}, ({along})"
-                items.append(Channel(label, each.unit, text, [Share((name, label), here, mine)]))
+                items.append(Channel(label, each.unit, text, [Share((name, label), own_points, mine)]))
         for label, unit in fault.state_fields().items():
-            items.append(Channel(label, unit, f"state variable {label}", [Share((name, label), here, mine)]))
+            items.append(Channel(label, unit, f"state variable {label}", [Share((name, label), own_points, mine)]))
         return items
 
     def _along(self, face: Interface, position: float, key: str) -> dict[int, float]:

@@ -83,9 +83,9 @@ class ReceiverGrid(Instrument):
             try:
                 place = readings.point(point, self.body, key, "corner", first=True)
             except CaseError as error:
-                here = ", ".join(f"{value:.6g}" for value in point)
+                shown = ", ".join(f"{value:.6g}" for value in point)
                 raise CaseError(
-                    f"{key}.corner = {self.corner}, opposite = {self.opposite}: the point ({here}) m of the "
+                    f"{key}.corner = {self.corner}, opposite = {self.opposite}: the point ({shown}) m of the "
                     f"grid cannot be measured; move the corners ({error})"
                 ) from None
             yield channels_of(readings, place, self.fields)

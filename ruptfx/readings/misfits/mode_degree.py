@@ -129,11 +129,11 @@ def degree_of(
     if early_slope is not None:
         slope = slope.plus(early_slope)
     # A tip that stops early counts by the part of the way that it ran.
-    whole = LATE * rates.shape[1]
-    if reach < whole:
-        factor = reach / whole
+    end = LATE * rates.shape[1]
+    if reach < end:
+        factor = reach / end
         slope = slope.times(factor)
-        slope.way[-1] += degree / whole
+        slope.way[-1] += degree / end
         degree *= factor
     if least_points is not None:
         width = slides.length / np.maximum(r, 1e-3)

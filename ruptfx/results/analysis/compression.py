@@ -244,11 +244,11 @@ def fragments(record: Files) -> int | None:
     vertex = np.unique(np.rint(both / near).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
     sides = np.sort(np.concatenate([vertex[:count][cells[:, pair]] for pair in ([0, 1], [1, 2], [0, 2])]), axis=1)
     facets = np.sort(vertex[count:][data["lines"].values], axis=1)
-    whole = facets[data["status"].values[-1] < 2]
+    intact = facets[data["status"].values[-1] < 2]
     scale = int(vertex.max()) + 1
     owner, code = np.tile(np.arange(len(cells)), 3), sides @ [scale, 1]
     order = np.argsort(code, kind="stable")
-    place = np.searchsorted(code[order], whole @ [scale, 1])
+    place = np.searchsorted(code[order], intact @ [scale, 1])
     first, second = owner[order[place]], owner[order[place + 1]]
     joined = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), (len(cells),) * 2)
     return int(scipy.sparse.csgraph.connected_components(joined, directed=False)[0])

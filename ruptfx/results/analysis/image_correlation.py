@@ -110,9 +110,9 @@ def correlation(before: Array, after: Array, along_x: Array, along_y: Array, sub
     with np.errstate(all="ignore"):
         result = np.where(squares > smallest, both / np.sqrt(squares), np.nan)
     half = subset // 2
-    whole = np.zeros(before.shape, dtype=bool)
-    whole[half : before.shape[0] - half, half : before.shape[1] - half] = True
-    return np.where(whole & ~spread(outside, subset), result, np.nan)
+    is_complete = np.zeros(before.shape, dtype=bool)
+    is_complete[half : before.shape[0] - half, half : before.shape[1] - half] = True
+    return np.where(is_complete & ~spread(outside, subset), result, np.nan)
 
 
 def spread(lost: Array, side: int) -> Array:

@@ -397,8 +397,8 @@ def _share_of_time(tip: Array, time: Array, reach: float, length: float) -> floa
         return 1.0
     started, reached = np.flatnonzero(tip >= 0)[0], np.flatnonzero(tip >= reach)
     ran = (time[reached[0]] if len(reached) else time[-1]) - time[started]
-    whole = time[-1] - time[started]
-    return float(min(1.0, ran / (0.8 * whole))) if whole > 0 else 1.0
+    duration = time[-1] - time[started]
+    return float(min(1.0, ran / (0.8 * duration))) if duration > 0 else 1.0
 
 
 def _healing_time(rate: Array, time: Array, threshold: float) -> float:

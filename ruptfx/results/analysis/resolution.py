@@ -82,8 +82,8 @@ def roughness(slip_rate: Array, position: Array) -> tuple[Array, Array]:
 
 def peak_is_resolved(slip_rate: Array, position: Array) -> bool | None:
     """Return whether the mesh resolves the largest slip rate; None without sliding. See `roughness`."""
-    short, whole = roughness(slip_rate, position)
-    return bool(short.sum() <= PEAK_NOISE * whole.sum()) if whole.any() else None
+    short, total = roughness(slip_rate, position)
+    return bool(short.sum() <= PEAK_NOISE * total.sum()) if total.any() else None
 
 
 def find_doubts(  # noqa: PLR0913
@@ -122,10 +122,10 @@ def find_doubts(  # noqa: PLR0913
     fastest = FIT * c_p if c_p else np.inf
     tip = tip_position(arrival, way, time)
     rows = np.flatnonzero((tip >= window[0]) & (tip <= window[1]))
-    short, whole = roughness(slip_rate[rows], way)
+    short, total = roughness(slip_rate[rows], way)
     behind = way[1:-1] <= tip[rows, None]
     near = behind & (np.cumsum(behind[:, ::-1], axis=1)[:, ::-1] <= NEAR)
-    noise, tip_noise = (_median_noise(short, whole, part) for part in (behind, near))
+    noise, tip_noise = (_median_noise(short, total, part) for part in (behind, near))
     mode, speed = [], []
     if noise > NOISE:
         mode.append(f"the slip rate varies from point to point ({noise:.0%} of its energy)")

@@ -34,10 +34,10 @@ def slip_rate(record: Record) -> Film:
     across = np.linspace(position[0], position[-1], COLUMNS)
     when = np.linspace(time[0], time[-1], ROWS)
     near = [np.abs(grid[:, None] - values).argmin(axis=1) for grid, values in ((when, time), (across, position))]
-    whole = rate[np.ix_(*near)] / size
+    rates = rate[np.ix_(*near)] / size
 
     def image(row: int) -> Array:
-        return np.where((when <= time[row])[:, None] & (whole * size > low), whole, np.nan)
+        return np.where((when <= time[row])[:, None] & (rates * size > low), rates, np.nan)
 
     def move(axes: Axes, row: int) -> None:
         for line in axes.lines:

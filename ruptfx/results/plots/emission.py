@@ -135,12 +135,12 @@ def _map(sheet: Sheet, ax: Axes, record: Files, emission: Emission) -> None:
     M, modes = emission.seismic.magnitude, emission.mode[emission.counted]
     span = max(float(np.ptp(M)), 1.0) if len(M) else 1.0
     for name in MODES:
-        here = modes == name
-        if not here.any():
+        of_mode = modes == name
+        if not of_mode.any():
             continue
-        area = 1 + (LARGEST_MARK - 1) * np.clip(1 + (M[here] - M.max(initial=-np.inf)) / span, 0, 1) ** 2
-        ax.scatter(emission.seismic.x[here] / size, emission.seismic.y[here] / size, area, facecolors="none",
-                   edgecolors=COLOURS[name], linewidths=0.6, label=f"{name} ({here.sum()})")  # fmt: skip
+        area = 1 + (LARGEST_MARK - 1) * np.clip(1 + (M[of_mode] - M.max(initial=-np.inf)) / span, 0, 1) ** 2
+        ax.scatter(emission.seismic.x[of_mode] / size, emission.seismic.y[of_mode] / size, area, facecolors="none",
+                   edgecolors=COLOURS[name], linewidths=0.6, label=f"{name} ({of_mode.sum()})")  # fmt: skip
     ax.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     if len(M):
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.04), ncols=3, fontsize=6, handletextpad=0.0,

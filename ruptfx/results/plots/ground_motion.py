@@ -91,6 +91,6 @@ def _draw_interfaces(ax: Axes, record: Files, data: Data, axes: list[str], size:
             slack = NEAR * extent
             near &= (values >= bounds.min() - slack) & (values <= bounds.max() + slack)
         if near.any():
-            here = [points[axis][near] / size for axis in axes]
-            order = np.argsort(here[0] if np.ptp(here[0]) >= np.ptp(here[1]) else here[1])
-            ax.plot(here[0][order], here[1][order], color="#1a1a1a", lw=0.8)
+            line = [points[axis][near] / size for axis in axes]
+            order = np.argsort(line[0] if np.ptp(line[0]) >= np.ptp(line[1]) else line[1])
+            ax.plot(line[0][order], line[1][order], color="#1a1a1a", lw=0.8)

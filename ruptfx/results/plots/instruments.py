@@ -85,10 +85,10 @@ def instruments(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
         ax.tick_params(labelbottom=True)
     for ax in axes.ravel()[len(shown) :]:
         ax.set_visible(False)
-    left = len(panels) - len(shown)
+    omitted = len(panels) - len(shown)
     sheet.letter(axes.ravel()[: len(shown)])
     sheet.remark(
-        f"{left} more panels do not fit here; all numbers are in instruments.h5." if left else "",
+        f"{omitted} more panels do not fit here; all numbers are in instruments.h5." if omitted else "",
         f"Zero throughout, and not drawn: {', '.join(zero)}." if zero else "",
     )
 

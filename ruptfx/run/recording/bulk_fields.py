@@ -140,8 +140,8 @@ class BulkFields:
         """Append the first snapshots of another file, of any number of ranks; every rank reads its part."""
         with h5py.File(saved, locking=False) as file:
             for row, time in enumerate(file["time"][:kept]):
-                here = self.model.layout.rows.here
-                self.append(float(time), {name: file[name][row, here] for name in [*self._fields, *self._states]})
+                own_rows = self.model.layout.rows.here
+                self.append(float(time), {name: file[name][row, own_rows] for name in [*self._fields, *self._states]})
 
     def reopen(self) -> list[Path]:
         """Return the files that this rank has written, which may then be copied."""

@@ -216,13 +216,13 @@ class Checkpoint:
         }  # fmt: skip
         try:
             with h5py.File(self.path / "state.h5", locking=False) as file:
-                here = model.layout.rows.here
+                own_rows = model.layout.rows.here
                 for name, rows in file["nodes"].items():
                     if len(rows) != model.total_nodes:
                         raise CheckpointError(
                             f"{self.path}: '{name}' has {len(rows)} nodes and the mesh {model.total_nodes}; {_ANEW}"
                         )
-                    blocks[name] = rows[here]
+                    blocks[name] = rows[own_rows]
                 for each in model.mechanisms:
                     each.restore(state, lambda name: np.asarray(file[name][()]))
         except CheckpointError as caught:

@@ -67,10 +67,10 @@ def write(path: Path, mesh: Mesh, times: Iterable[float], fields: Sequence[Field
         rank, (_, count, *last) = len(field.shape), field.shape
         start, one = [row, 0, *([field.component or 0] if last else [])], [1] * len(last)
         slab = _spaced([*start, *[1] * rank, 1, count, *one])
-        whole = item(field.array, field.shape, "Float", field.bytes)
+        full_item = item(field.array, field.shape, "Float", field.bytes)
         return (
             f'<DataItem ItemType="HyperSlab" Dimensions="{count}" Type="HyperSlab">'
-            f'<DataItem Dimensions="3 {rank}" Format="XML">{slab}</DataItem>{whole}</DataItem>'
+            f'<DataItem Dimensions="3 {rank}" Format="XML">{slab}</DataItem>{full_item}</DataItem>'
         )
 
     (cells, (count, corners)), (points, (nodes, dim)) = mesh.cells, mesh.points

@@ -88,10 +88,10 @@ class Jumps:
         tail = next(iter(values.values())).shape[1:]
         if self._comm.size == 1 and len(self._runs) == len(self._faces) == 1:
             return np.array(values[next(iter(self._faces))], dtype=float)
-        whole = np.zeros((self.points, *tail))
+        complete = np.zeros((self.points, *tail))
         for name, face in self._faces.items():
-            whole[self._places[name][face.owned]] = values[name][face.owned]
-        return whole if self._comm.size == 1 else parallel.total(self._comm, whole)
+            complete[self._places[name][face.owned]] = values[name][face.owned]
+        return complete if self._comm.size == 1 else parallel.total(self._comm, complete)
 
     def places(self, name: str) -> np.ndarray:
         """Return the indices among all points of the points of one fault on this rank, shape (n,)."""
@@ -351,8 +351,8 @@ class Influence:
         blocks = self._single if roughly else self.blocks
         jumps = np.zeros((traction.shape[1], len(traction[rows])))
         for k, component in enumerate(traction.T):
-            here = reach_of(component != 0)
-            jumps += blocks[:, k, rows, here] @ component[here].astype(blocks.dtype, copy=False)
+            reach = reach_of(component != 0)
+            jumps += blocks[:, k, rows, reach] @ component[reach].astype(blocks.dtype, copy=False)
         return jumps.T
 
     @cached_property
@@ -408,9 +408,9 @@ class Compliance(Influence):
 
     def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:
         # In quasi-static steps with steady loading the unbalanced forces are at the interfaces only.
-        traction, rest = self._jumps.taken_apart(force)
+        traction, remainder = self._jumps.taken_apart(force)
         solve, pull = self.solve, self._jumps.force
-        if norm(self._factors.model, rest) <= small:
+        if norm(self._factors.model, remainder) <= small:
             return self.jumps_under(traction), lambda q: -solve(pull(q, len(force)) - force)
         near = self._factors.near(force)
         if near is not None:

@@ -463,12 +463,12 @@ class _Changes:
     def _matrix(self, slope: np.ndarray) -> np.ndarray:
         """Return 1 + D S in the active rows and columns."""
         point, component = np.nonzero(self._active)
-        whole = np.eye(len(point))
+        matrix = np.eye(len(point))
         for k, i in np.ndindex(slope.shape[1:]):
             factor, columns = slope[point, component, k], component == i
             if np.any(factor):
-                whole[:, columns] += factor[:, None] * self._compliance.blocks[k, i][np.ix_(point, point[columns])]
-        return whole
+                matrix[:, columns] += factor[:, None] * self._compliance.blocks[k, i][np.ix_(point, point[columns])]
+        return matrix
 
 
 def traction_change(traction: np.ndarray, before: np.ndarray, sticking: np.ndarray) -> np.ndarray:

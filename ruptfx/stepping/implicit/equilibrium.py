@@ -112,9 +112,9 @@ class Equilibrium(Terms):
                     "interfaces, not by PETSc; remove them"
                 )
             require_fit(model)
-        whole = bool(petsc_options) or not condensed or not fits(model)
+        full_system = bool(petsc_options) or not condensed or not fits(model)
         self._solver: Condensed | NewtonSolver = (
-            NewtonSolver(model, self.tangent, petsc_options or {}) if whole else Condensed(model, self.tangent)
+            NewtonSolver(model, self.tangent, petsc_options or {}) if full_system else Condensed(model, self.tangent)
         )
         self.interface_steps: interface_steps.InterfaceSteps | None = None
         if isinstance(self._solver, Condensed) and interface_steps.fits(model):

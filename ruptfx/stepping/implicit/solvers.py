@@ -131,8 +131,8 @@ class NewtonSolver:
         self._visit(step, self._unknown.array_r)
         # Options of the case may let SNES end without a test, as snes_type = "ksponly" does.
         rtol, atol, _, _ = self.snes.getTolerances()
-        left = np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(step.residual, step.residual)))
-        return bool(left <= max(step.enough(rtol), atol))
+        residual = np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(step.residual, step.residual)))
+        return bool(residual <= max(step.enough(rtol), atol))
 
     def _visit(self, step: Step, unknown: np.ndarray) -> None:
         """Evaluate the step at the owned unknowns unless that was done last; collective."""

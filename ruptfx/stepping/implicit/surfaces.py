@@ -82,9 +82,9 @@ class Surfaces:
         return self._gathered(nodal[self._nodes])
 
     def _gathered(self, values: np.ndarray) -> np.ndarray:
-        whole, owned = np.zeros((self.points, *values.shape[1:])), self._nodes < self._model.owned_nodes
-        whole[self._places[owned]] = values[owned]
-        return whole if self._model.comm.size == 1 else parallel.total(self._model.comm, whole)
+        complete, owned = np.zeros((self.points, *values.shape[1:])), self._nodes < self._model.owned_nodes
+        complete[self._places[owned]] = values[owned]
+        return complete if self._model.comm.size == 1 else parallel.total(self._model.comm, complete)
 
     def force(self, values: np.ndarray, size: int) -> np.ndarray:
         """Return local nodal forces [N], shape (size,), from those of interface nodes, shape (points, local)."""

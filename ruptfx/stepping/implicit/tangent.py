@@ -58,8 +58,8 @@ class Tangent:
         layout.equalise(self.diagonal)
         value = model.loads.prescribed.copy()
         value.reshape(model.nodes, c)[layout.copies] = True
-        here = np.flatnonzero(value[: self._owned])
-        rows = model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
+        own_entries = np.flatnonzero(value[: self._owned])
+        rows = model.space.dofmap.index_map.local_to_global((own_entries // c).astype(np.int32)) * c + own_entries % c
         self._given_rows = rows.astype(fem.PETSc.IntType)
         self._built: tuple[tuple[float, float], dict[str, np.ndarray], list[np.ndarray]] | None = None
 

@@ -204,9 +204,9 @@ class PetscTsMotion:
     def _converged(self, snes: fem.PETSc.SNES, _: int, norms: tuple[float, float, float]) -> int | None:
         """Test the residual against the forces, which balance before anything moves, and the update."""
         rtol, atol, stol, _ = snes.getTolerances()
-        moved, step, left = norms
+        moved, step, residual = norms
         reasons = fem.PETSc.SNES.ConvergedReason
-        if left <= max(rtol * self._scale, atol):
+        if residual <= max(rtol * self._scale, atol):
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.CONVERGED_SNORM_RELATIVE if 0 < step < stol * moved else None
 
@@ -273,12 +273,13 @@ class PetscTsMotion:
                 "= 'basic'"
             )
         if self._scheme == "alpha2":  # SNES may end at a short step, and options may let it end without a test
-            left = float(ts.getSNES().getFunctionNorm())
+            residual = float(ts.getSNES().getFunctionNorm())
             allowed = max(FAR * solution.scale, equilibrium.rounding(solution.displacement))
-            if not left <= allowed:
+            if not residual <= allowed:
                 raise ConvergenceError(
-                    f"TS ({ts.getType()}) left {left:.3g} N out of balance at time {ts.getTime():.6g} s, {allowed:.3g} "
-                    "N is allowed: reduce stepper.time_step, or remove stepper.petsc_options of snes and ksp"
+                    f"TS ({ts.getType()}) left {residual:.3g} N out of balance at time {ts.getTime():.6g} s, "
+                    f"{allowed:.3g} N is allowed: reduce stepper.time_step, or remove stepper.petsc_options of snes "
+                    "and ksp"
                 )
         velocity = self._new_velocity(ts.getTime())
         equilibrium.forces.count_work(state, solution, velocity, carried)

@@ -226,9 +226,9 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         """Return relative errors of the state variables of a fault, shape (n, states), from those of all points."""
         shear, evolution = y.shape[1] - self._states, self._evolutions[fault.name]
         end, off, traction, rate = (self._jumps.pick(each, fault.name) for each in (y, wrong, traction, rate))
-        here = slice(shear, shear + evolution.columns)
+        entries = slice(shear, shear + evolution.columns)
         pressure, _ = self._stresses(fault, time, traction)
-        errors = evolution.errors(end[:, here], off[:, here], size_of(rate), pressure)
+        errors = evolution.errors(end[:, entries], off[:, entries], size_of(rate), pressure)
         return np.pad(errors, ((0, 0), (0, self._states - evolution.columns)))
 
     def _slope(
@@ -244,8 +244,8 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         result, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
-                whole = (y[:, shear:], traction, growth, self._guess, self._bodies.prescribed)
-                result[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
+                fields = (y[:, shear:], traction, growth, self._guess, self._bodies.prescribed)
+                result[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in fields))
         columns = self._jumps.gather(result)
         rate, ageing, traction = np.split(columns, np.cumsum([shear, self._states]), axis=1)
         speed = size_of(rate)

@@ -287,8 +287,8 @@ def arrange(
         for each in kinds:
             body[(sides == side) & (kind == each)] = len(bodies)
             bodies.append(side if len(kinds) == 1 else f"{side}_{each + 1}")
-    whole = len(bodies) == len(names) and mesh.square > 0
-    plates = bool(fault) and whole and (len(fault) == 1 or 2 * mesh.cut == mesh.rows.max() + 1)
+    is_complete = len(bodies) == len(names) and mesh.square > 0
+    plates = bool(fault) and is_complete and (len(fault) == 1 or 2 * mesh.cut == mesh.rows.max() + 1)
     layout = Layout(mesh, bodies, body, order, fault, plates)
     if len(fault) == 1 and (fault != (1,) or not plates):
         raise ConversionError(

@@ -170,16 +170,16 @@ def _file(value: Input) -> Mesh:
     path = value.path(block)
     lines = path.read_text().splitlines()
     try:
-        (cells, corners, nodes, boundaries), rest = _numbers(lines[1:], 1)[0][0].astype(int), lines[2:]
-        points, rest = _numbers(rest[1:], nodes)
-        elements, rest = _numbers(rest[1:], cells)
+        (cells, corners, nodes, boundaries), lines_below = _numbers(lines[1:], 1)[0][0].astype(int), lines[2:]
+        points, lines_below = _numbers(lines_below[1:], nodes)
+        elements, lines_below = _numbers(lines_below[1:], cells)
         number = np.zeros(int(points[:, 0].max()) + 1, dtype=np.int64)
         number[points[:, 0].astype(int)] = np.arange(nodes)
         quads = number[elements[:, 1:5].astype(int)]
         sides: dict[int, Ints] = {}
         for _ in range(boundaries):
-            (tag, count), rest = _numbers(rest[1:], 1)[0][0].astype(int), rest[2:]
-            edges, rest = _numbers(rest[1:], count)
+            (tag, count), lines_below = _numbers(lines_below[1:], 1)[0][0].astype(int), lines_below[2:]
+            edges, lines_below = _numbers(lines_below[1:], count)
             cell, edge = edges[:, 1].astype(int) - 1, edges[:, 2].astype(int) - 1
             sides[int(tag)] = np.stack([quads[cell, edge], quads[cell, (edge + 1) % 4]], axis=1)
     except (IndexError, ValueError):

@@ -30,9 +30,9 @@ def facet_rows(model: System, cracks: CrackStep) -> Iterator[Row]:
               f"{cracks.edge:.4g} m")  # fmt: skip
     young = {name: _young(material) for name, material in zip(model.bodies.names, model.materials, strict=True)}
     moduli = {"-".join(pair): min(young[name] for name in pair) for pair in fracture.laws_by_pair(model.bodies.names)}
-    here = {"-".join(sorted(model.bodies.names[body] for body in pair)) for pair in cracks.network.pairs().tolist()}
+    present = {"-".join(sorted(model.bodies.names[body] for body in pair)) for pair in cracks.network.pairs().tolist()}
     of_pairs = {"-".join(pair): laws for pair, laws in fracture.laws_by_pair(model.bodies.names).items()}
-    of_pairs = {pair: laws for pair, laws in of_pairs.items() if pair in here}
+    of_pairs = {pair: laws for pair, laws in of_pairs.items() if pair in present}
     for pair, laws in (of_pairs | fracture.laws_of_joints(model.bodies.joints)).items():
         if laws.cohesion is None:
             continue

@@ -119,8 +119,8 @@ def _judged_points(
         scores = [rest.shear / np.maximum(rest.strength, 1e-300), -rest.strength]
     best = allowed
     for score in scores:
-        most = np.max(np.nan_to_num(score[best], nan=-np.inf))
-        close = score >= most - 1e-9 * abs(most)
+        best_score = np.max(np.nan_to_num(score[best], nan=-np.inf))
+        close = score >= best_score - 1e-9 * abs(best_score)
         best = best & (close if np.any(best & close) else True)  # numbers that overflow tell no point from another
     weakest = int(np.argmin(np.where(best, away, np.inf)))
     start = weakest if begins is None else int(np.argmin(np.where(allowed, away, np.inf)))
@@ -301,14 +301,14 @@ def _expected_slip_rate(model: System, fault: Fault, sides: Sides) -> float:
 
 def _relaxation_times(fault: Fault, dt: float) -> dict[str, float]:
     """Return the relaxation time [s] of each state variable of the law at rest, if it relaxes."""
-    law, normal, rest = fault.friction, fault.normal_stress_0, np.zeros(len(fault.normal_stress_0))
+    law, normal, no_slip = fault.friction, fault.normal_stress_0, np.zeros(len(fault.normal_stress_0))
     state = {name: value for name, value in fault.initial_state().items() if name in law.all_state_fields()}
-    later, relaxation_times = law.advance(state, rest, normal, dt), {}
+    later, relaxation_times = law.advance(state, no_slip, normal, dt), {}
     for name, value in state.items():
         step = 1e-6 * np.maximum(np.abs(value), 1e-3)
-        left = np.min((law.advance({**state, name: value + step}, rest, normal, dt)[name] - later[name]) / step)
-        if left < 1 - 1e-4:
-            relaxation_times[name] = float(-dt / np.log(max(left, 1e-12)))
+        slope = np.min((law.advance({**state, name: value + step}, no_slip, normal, dt)[name] - later[name]) / step)
+        if slope < 1 - 1e-4:
+            relaxation_times[name] = float(-dt / np.log(max(slope, 1e-12)))
     return relaxation_times
 
 
