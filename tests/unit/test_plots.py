@@ -311,7 +311,7 @@ def test_fringes_count_the_stress(train):
 def test_energy_figure_shows_every_part(train):
     axes = plots.energy_budget(train).figure.axes
     labels = [text.get_text() for text in axes[0].get_legend().get_texts()]
-    assert labels == ["boundary work", "kinetic", "strain", "interface elastic", "frictional dissipation", "damping"]
+    assert labels == ["work", "kinetic", "strain", "interface elastic", "frictional dissipation", "damping"]
     # The table misses 2e-4 of the work, 0.02 %.
     assert np.nanmax(axes[1].lines[0].get_ydata()) == pytest.approx(0.02)
 

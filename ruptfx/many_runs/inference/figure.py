@@ -77,10 +77,25 @@ def _draw_fits(ax: Axes, fits: list[Fit]) -> None:
         ax.plot(times, placed(each.start), color=MUTED, lw=0.6, ls=":", label=f"{hidden}case")
         ax.plot(times, placed(each.data), ".", color="k", ms=1.5, label=f"{hidden}data")
         ax.plot(times, placed(each.best), color=STICK_SLIP, lw=0.8, label=f"{hidden}fit")
+    if len({each.unit for each in shown}) == 1 and (shown[0].unit == "1" or known_unit(shown[0].unit)):
+        _draw_height(ax, height, shown[0].unit)
     step = -(-len(shown) // 30)
     ax.set_yticks(-np.arange(0, len(shown), step), [each.name for each in shown[::step]], fontsize=5)
     ax.set(xlabel=f"Time ({unit})")
     ax.legend(loc="lower center", bbox_to_anchor=(0.6, 1.0), ncols=3)
+
+
+def _draw_height(ax: Axes, height: float, unit: str) -> None:
+    """Draw a bar of a round number of units, where traces have `height` in a row of height one."""
+    size, printed = (1.0, "") if unit == "1" else scale(height, unit)
+    power = 10.0 ** np.floor(np.log10(0.8 * height / size))
+    length = power * max(each for each in (1, 2, 5) if each * power <= 0.8 * height / size)
+    top = ax.get_ylim()[1]
+    ends = np.array([top - length * size / height, top])
+    ax.plot([1.02, 1.02], ends, color="k", lw=1.5, transform=ax.get_yaxis_transform(), clip_on=False, label="_height")
+    ax.text(1.03, ends.mean(), f"{length:g} {printed}".strip(), transform=ax.get_yaxis_transform(), rotation=90,
+            va="center", fontsize=6)  # fmt: skip
+    ax.set_ylim(ax.get_ylim()[0], top)
 
 
 def _draw_field(ax: Axes, each: Recovered) -> None:
@@ -101,15 +116,20 @@ def _draw_field(ax: Axes, each: Recovered) -> None:
 
 
 def _draw_numbers(ax: Axes, numbers: list[Recovered]) -> None:
-    changes = [float(each.best.mean() / each.start.mean()) if each.start.mean() else np.nan for each in numbers]
-    ax.axhline(1.0, color=MUTED, lw=0.6)
-    ax.plot(np.arange(len(numbers)), changes, "o", color=STICK_SLIP)
-    for place, each in enumerate(numbers):
-        if each.interval is not None and each.start.mean():
-            ax.plot([place, place], each.interval.mean(axis=1) / each.start.mean(), color=STICK_SLIP)
-    names = [each.key.partition(".")[2].partition(".")[2] for each in numbers]
-    ax.set_xticks(np.arange(len(numbers)), names, fontsize=6)
-    ax.set(ylabel="recovered / case", xlim=(-0.5, len(numbers) - 0.5))
+    """Write the numbers with their intervals and units, and what the case had."""
+    ax.set_axis_off()
+    rows = [("", "recovered", "68 %", "case", "")]
+    for each in numbers:
+        start, best = each.start.mean(), each.best.mean()
+        ends = np.array([np.nan, np.nan]) if each.interval is None else each.interval.mean(axis=1)
+        size, unit = scale(np.array([start, best]), each.unit) if known_unit(each.unit) else (1.0, each.unit)
+        interval = "" if each.interval is None else " to ".join(f"{end / size:.4g}" for end in ends)
+        name = each.key.partition(".")[2].partition(".")[2] or each.key
+        rows.append((name, f"{best / size:.4g}", interval, f"{start / size:.4g}", unit if unit != "1" else ""))
+    for number, row in enumerate(rows):
+        colours = ["k", STICK_SLIP, "k", MUTED, "k"] if number else [MUTED] * 5
+        for x, text, colour in zip((0.0, 0.3, 0.45, 0.82, 0.94), row, colours, strict=True):
+            ax.text(x, 1 - (number + 0.5) / max(len(rows), 4), text, color=colour, fontsize=6, va="center")
 
 
 def _draw_misfit(ax: Axes, made: Result) -> None:

@@ -323,7 +323,8 @@ class Inversion:
         for term in self.case.objective:
             for each in term.measured() or []:
                 part = slice(begin, begin := begin + len(each.values))
-                fits.append(Fit(each.name, each.times, each.values, self._runs[0].readings[part], best.readings[part]))
+                readings = self._runs[0].readings[part], best.readings[part]
+                fits.append(Fit(each.name, each.times, each.values, *readings, each.unit))
         return fits
 
     def _write(self) -> None:

@@ -27,6 +27,8 @@ class Fit:
         Instrument and channel.
     times, data, start, best : ndarray, shape (m,)
         [s], and data and readings of the first and of the best run.
+    unit : str
+        Of the data.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Fit:
     data: Floats
     start: Floats
     best: Floats
+    unit: str = "1"
 
 
 @dataclass(frozen=True)

@@ -90,11 +90,13 @@ class Measured:
         [s]
     values : ndarray, shape (m,)
         In the SI unit of the channel.
+    unit : str
     """
 
     name: str
     times: Floats
     values: Floats
+    unit: str = "1"
 
 
 Request = Trace | Final

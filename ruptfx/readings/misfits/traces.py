@@ -250,7 +250,8 @@ class Traces(Misfit):
             values = np.array(self.data[name]) * float(factor(self.units[name], None))  # SI
             if self.bandwidth is not None:
                 values = filtered(times, values, self.bandwidth)
-            result.append(Measured(f"{self.instrument}, {name}", times[self._inside], values[self._inside]))
+            label, unit = f"{self.instrument}, {name}", _si_unit(self.units[name])
+            result.append(Measured(label, times[self._inside], values[self._inside], unit))
         return result
 
 

@@ -76,7 +76,7 @@ def _energies(sheet: Sheet, ax: Axes, record: Files, parts: dict[str, Array], ti
     size, unit = sheet.scale("energy", np.array([work, *seen.values()]), record.sum_unit("J"))
     ax.set_ylabel(f"Energy per thickness ({unit})" if unit.endswith("/m") else f"Energy ({unit})")
     if largest[""] > 0:
-        ax.plot(time, work / size, color="#1a1a1a", lw=1.4, label="boundary work")
+        ax.plot(time, work / size, color="#1a1a1a", lw=1.4, label="work")
     for name, values in seen.items():
         ax.plot(time, values / size, color=_COLOURS.get(name, MUTED), label=name.replace("_", " "))
     if ax.lines:
@@ -87,11 +87,11 @@ def _energies(sheet: Sheet, ax: Axes, record: Files, parts: dict[str, Array], ti
 
 
 def _closure(ax: Axes, work: Array, parts: dict[str, Array], time: Array) -> None:
-    """Draw the unaccounted part of the boundary work, and the tolerance."""
+    """Draw the unaccounted part of the work, and the tolerance."""
     missing = 100 * np.abs(closure(work, parts))
     ax.semilogy(time, np.maximum(missing, _ROUNDING), color="#1a1a1a")
     ax.axhline(100 * _TOLERANCE, color=MUTED, lw=0.8, ls="--")
-    ax.set_ylabel("Unaccounted (% of boundary work)")
+    ax.set_ylabel("Unaccounted (% of work)")
     ax.set_ylim(top=100 * max(10 * _TOLERANCE, 2 * missing.max(initial=0) / 100))
     ax.annotate(
         "tolerance",

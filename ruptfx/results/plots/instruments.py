@@ -64,7 +64,7 @@ def instruments(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
         kinds = list(dict.fromkeys(_COMPONENT.sub("", channel) for channel in drawn))
         size, printed = sheet.scale(kinds[0], together, unit)
         if unit == "1" and not sheet.asks(kinds[0]):
-            size, printed = 0.01, "%"
+            size, printed = 1e-6, "µε"
         for channel, line in zip(drawn, together, strict=True):
             # An extension along x equals the strain xx: line styles keep both visible.
             style = LINES[kinds.index(_COMPONENT.sub("", channel)) % len(LINES)]
