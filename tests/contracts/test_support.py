@@ -44,6 +44,7 @@ SMALL = {
                    {**PUSH, "edge": "lower.bottom", "component": "y", "velocity": 0.0}, PUSH],
     "faults.main.friction": AGEING, "faults.main.initial_stress": {"normal": 6e6, "shear": 3e6},
 }  # fmt: skip
+WATER = {"kind": "given", "pressure": 1e6}
 FEATURES: dict[str, dict[str, Any]] = {
     "plain": {},
     "sliding": {"faults.main.sliding": {}},
@@ -61,6 +62,11 @@ FEATURES: dict[str, dict[str, Any]] = {
                                "boundaries": [*SIDES, SMALL["boundaries"][1]]},
     "objective and cohesion": {"objective": [{"kind": "final_slip", "sigma": 1e-6}], "faults.main.cohesion": BOND,
                                "stages": [{"duration": 1e-6}, {"duration": 1e-6}]},
+    "pore pressure": {"faults.main.pore_pressure": WATER},
+    "temperature": {"faults.main.temperature": {"kind": "given", "temperature": 300.0}},
+    "pore pressure and sliding": {"faults.main.pore_pressure": WATER, "faults.main.sliding": {}},
+    "objective and pore pressure": {"objective": [{"kind": "final_slip", "sigma": 1e-6}],
+                                    "faults.main.pore_pressure": WATER},
     "coulomb": {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.6}},
     "weakened": {"faults.main.nucleation": [{"kind": "friction_drop", "mu_d": 0.1, "center": 2e-3,
                                              "half_width": 1e-3}]},
@@ -186,7 +192,7 @@ ROWS = {
     "stages": "stages", "gradients": "objective", "friction coulomb": "coulomb",
     "friction rate_and_state_ageing": "plain",
     "nucleation friction_drop": "weakened", "boundary absorbing": "waves", "mass damping": "waves",
-    "Kelvin-Voigt damping": "waves",
+    "Kelvin-Voigt damping": "waves", "pore pressure": "pore pressure", "temperature": "temperature",
 }  # fmt: skip
 """Rows of the table, by the feature of `CELLS` that is the same."""
 

@@ -125,7 +125,8 @@ def features() -> Iterator[Feature]:
             yield Feature(f"{field} {kind}", {**INTERFACE, key: cls}, (key,))
     yield from (
         _of_fault("sliding interfaces", "sliding", Sliding), _of_fault("cohesive interfaces", "cohesion", Linear),
-        _of_fault("gap", "gap", FaultCase),
+        _of_fault("gap", "gap", FaultCase), _of_fault("prescribed slip", "prescribed_slip", FaultCase),
+        _of_fault("pore pressure", "pore_pressure", FaultCase), _of_fault("temperature", "temperature", FaultCase),
     )  # fmt: skip
     for kind, weakening in alternatives("ruptfx.laws.nucleation").items():
         if "weakening" in weakening.offers:

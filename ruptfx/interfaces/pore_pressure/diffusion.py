@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import ValidationInfo, model_validator
 
 from ruptfx.bodies.boundaries.histories import History, course
 from ruptfx.input.number_files import two_columns
@@ -98,7 +98,7 @@ class Diffusion(PorePressure):
     """Wells, an entry each."""
     initial: VaryingPressure = 0.0
     """Pressure at the start."""
-    rim: Annotated[str, Field(pattern="^(no_flux|fixed)$")] = "no_flux"
+    rim: Literal["no_flux", "fixed"] = "no_flux"
     """Rim of the interface: `no_flux`, or `fixed` for the initial pressure."""
 
     def bind(self, model: System, face: Interface, key: str) -> PressureAlong:

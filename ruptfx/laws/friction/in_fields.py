@@ -43,7 +43,7 @@ class InFields(FrictionLaw):
     def _stress(self, normal_stress: Array, state: LawState) -> Array:
         return self.effective(normal_stress, state.get("pore_pressure", 0.0))
 
-    def _initial_stress(self, normal_stress: Array) -> Array:
+    def _initial_stress(self, normal_stress: Any) -> Any:
         return self.effective(normal_stress, self.initial.get("pore_pressure", 0.0))
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
