@@ -22,7 +22,7 @@ import numpy as np
 
 from ruptfx.app.bench import Check
 from ruptfx.case import Case, read_case
-from ruptfx.results.analysis.slip_events import SlipEvent, slip_events
+from ruptfx.results.analysis.slip_events import SlipEvent, slip_events, speed_against_ratio
 from ruptfx.run.simulation import simulate
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ Array = np.ndarray
 
 SOURCE = "Rubinstein et al. (2011)"
 WIDTH, MACHINE = 6e-3, 4e6  # m, N/m: width of the block and stiffness of the machine
+C_R = 820.5  # m/s, of the block
 SPEED, RAMP = 20e-6, 40.0  # m/s, s: of the far end of the machine
 SLIDES, WHOLE = 2e-2, 0.97  # m/s; part of the length that a whole slide covers at least
 SETTLING = 5e-3  # s after which waves of an event have died
@@ -120,6 +121,11 @@ class Sequence:
         """Mean growth of the longest precursor with every further one, Delta l [m]; NaN for a single one."""
         count = len(self.precursors) - 1
         return (self.growing[-1].reach - self.growing[0].reach) / count if count > 0 else float("nan")
+
+    def front_speeds(self) -> Array:
+        """Return the speeds of the fronts of precursors in windows of 12 mm, from 6 mm beyond their origin [m/s]."""
+        pairs = [speed_against_ratio(event, self.position, 12e-3, 6e-3) for event in self.precursors]
+        return np.concatenate([speed for _, speed in pairs])
 
     def at_force(self, share: float = AT_FORCE) -> Array:
         """Return the contact profile when the force first is a share of that of the first whole slide."""
@@ -208,6 +214,13 @@ def run(fine: bool, comm: MPI.Comm) -> list[Check]:
     heights = {"2.1": base} | {
         name: sequence(pushed(ROWS[name], overrides=UNTIL_SLIDE), comm) for name in ROWS if name != "2.1"
     }
+    speeds = np.concatenate([each.front_speeds() for each in heights.values()]) / C_R
+    low, middle, high = np.percentile(speeds, [10, 50, 90])
+    checks += [
+        Check("all heights: speed of arrested fronts over c_R, median", 0.7, middle, 0.1, "1", SOURCE),
+        Check("all heights: speed of arrested fronts over c_R, 10 % are below", 0.6, low, 0.1, "1", SOURCE),
+        Check("all heights: speed of arrested fronts over c_R, 10 % are above", 0.8, high, 0.1, "1", SOURCE),
+    ]
     return [*checks, *height_checks(heights), *memory_checks(base)]
 
 
