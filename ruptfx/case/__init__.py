@@ -277,6 +277,26 @@ class Case(CaseFile):
     stop_when: StopWhen | None = None
     """Rules that stop the run before its duration."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_the_only_interface(cls, values: object) -> object:
+        """Give instruments and terms that name no interface the only one of the case, whatever its name."""
+        faults = values.get("faults") if isinstance(values, Mapping) else None
+        if not isinstance(values, Mapping) or not isinstance(faults, Mapping) or len(faults) != 1 or "main" in faults:
+            return values
+        named = {"fault": next(iter(faults))}
+
+        def completed(entry: object, folder: str) -> object:
+            kind = entry.get("kind") if isinstance(entry, Mapping) else None
+            takes_one = kind in kinds(folder) and "fault" in find(folder, str(kind)).model_fields
+            return {**named, **entry} if takes_one and isinstance(entry, Mapping) else entry
+
+        folders = {"instruments": "ruptfx.readings.instruments", "objective": "ruptfx.readings.misfits"}
+        return {**values, **{
+            key: [completed(each, folder) for each in values[key]] for key, folder in folders.items()
+            if isinstance(values.get(key), list)
+        }}  # fmt: skip
+
     @model_validator(mode="wrap")
     @classmethod
     def _units_of_unknowns(cls, values: object, handler: ModelWrapValidatorHandler[Self]) -> Self:

@@ -158,7 +158,9 @@ def load_toml(text: str) -> Table:
         table = tomllib.loads(text)
     except RecursionError:
         raise CaseError(f"not valid TOML: nested too deeply; use at most {MAX_DEPTH} levels") from None
-    except ValueError as error:  # also raised by integers with thousands of digits
+    except ValueError as error:
+        if "set_int_max_str_digits" in str(error):  # Python's remedy is none for a case
+            raise CaseError("not valid TOML: an integer of more than 4300 digits; write it with an exponent") from None
         raise CaseError(f"not valid TOML: {error}") from None
     check_tables(table)
     return table

@@ -184,7 +184,7 @@ def with_duration(text: str) -> str:
 @pytest.mark.parametrize(
     "text, said",
     [
-        (with_duration("duration = 1" + "0" * 5000), "not valid TOML"),
+        (with_duration("duration = 1" + "0" * 5000), "not valid TOML: an integer of more than 4300 digits"),
         (with_duration("duration = 0x1" + "0" * 5000), "duration: an integer of 20001 bits"),
         (with_duration("duration = " + "[" * 5000 + "]" * 5000), "nested too deeply"),
         (with_duration("duration." + ".".join("a" * 3000) + " = 1"), "a key of more than 40 levels"),

@@ -269,3 +269,18 @@ def test_json_schema_accepts_and_refuses() -> None:
         table = tomllib.loads(path.read_text())
         assert validator.is_valid(table), path
         assert not validator.is_valid({**table, "titel": "x"}), path
+
+
+def test_the_only_interface_is_that_of_instruments_and_terms() -> None:
+    """With another name than `main`; of two interfaces the default is `main`, and a name that is there stays."""
+    entries = [{"kind": "fault_receiver", "name": "a", "interval": 1e-7, "position": 1e-3},
+               {"kind": "fault_receiver", "name": "b", "interval": 1e-7, "position": 1e-3, "fault": "other"},
+               {"kind": "receiver", "name": "c", "interval": 1e-7, "point": [1e-3, 1e-3]}]  # fmt: skip
+    table = plates({"instruments": entries, "objective": [{"kind": "final_slip", "target": 1e-6, "sigma": 1e-6}]})
+    table["mesh"] = {"kind": "gmsh_file", "file": "a.msh",
+                     "interfaces": {name: {"plus": "upper", "minus": "lower"} for name in ("deep", "main")}}
+    fault = table["faults"].pop("main")
+    for names, expected in ((("deep",), "deep"), (("deep", "main"), "main")):
+        case = parse_case({**table, "faults": dict.fromkeys(names, fault)})
+        assert [each.fault for each in case.instruments[:2]] == [expected, "other"]
+        assert case.objective[0].fault == expected
