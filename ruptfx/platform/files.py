@@ -10,7 +10,8 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from ruptfx import RuptfxError
 
-Given, Read = ParamSpec("Given"), TypeVar("Read")
+Others = ParamSpec("Others")
+Content = TypeVar("Content")
 Sums = dict[str, list[int | str] | None]
 """Size and sha256 of files by absolute path; None where there is no file."""
 
@@ -59,15 +60,15 @@ def identity(path: Path) -> list[int | str] | None:
         return None
 
 
-def read_once(read: Callable[Concatenate[str, Given], Read]) -> Callable[Concatenate[str, Given], Read]:
+def read_once(read: Callable[Concatenate[str, Others], Content]) -> Callable[Concatenate[str, Others], Content]:
     """Decorate a function that reads a file: it is called again where the file or another argument has changed."""
 
     @lru_cache(maxsize=8)
-    def remembered(file: str, _: tuple[int, int, int] | None, *others: Given.args, **named: Given.kwargs) -> Read:
+    def remembered(file: str, _: tuple[int, int, int] | None, *others: Others.args, **named: Others.kwargs) -> Content:
         return read(file, *others, **named)
 
     @wraps(read)
-    def reading(file: str, *others: Given.args, **named: Given.kwargs) -> Read:
+    def reading(file: str, *others: Others.args, **named: Others.kwargs) -> Content:
         try:
             state = Path(file).stat()
         except OSError:  # the reader says why

@@ -63,18 +63,15 @@ class PrescribedSlip:
     @cached_property
     def jump(self) -> np.ndarray:
         """Bound of the sudden changes of the slip rate [m/s], shape (n,)."""
-        total: np.ndarray = sum(each.held * each.jump for each in self.histories)
-        return total
+        return np.asarray(sum(each.held * each.jump for each in self.histories))
 
     def slip(self, time: float) -> np.ndarray:
         """Return the slip at a time [s] in m, shape (n, tangents); zero where none is prescribed."""
-        total: np.ndarray = sum(each.held[:, None] * each.slip(time) for each in self.histories)
-        return total
+        return np.asarray(sum(each.held[:, None] * each.slip(time) for each in self.histories))
 
     def rate(self, time: float) -> np.ndarray:
         """Return the slip rate at a time [s] in m/s, shape (n, tangents)."""
-        total: np.ndarray = sum(each.held[:, None] * each.rate(time) for each in self.histories)
-        return total
+        return np.asarray(sum(each.held[:, None] * each.rate(time) for each in self.histories))
 
     def mean_rate(self, end: float, begun: np.ndarray, duration: float) -> np.ndarray:
         """Return the slip rate of a step, shape (n, tangents) [m/s]; zero where no slip is prescribed.
