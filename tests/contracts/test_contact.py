@@ -9,7 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.interface_points import POINTS, an_interface, at_point, compliances, jump_under, sizes, with_cohesion
+from helpers.interface_points import (
+    POINTS,
+    an_interface,
+    at_point,
+    compliances,
+    crossed,
+    jump_under,
+    sizes,
+    with_cohesion,
+)
 from helpers.messages import facts
 from helpers.reference_step import advance_reference, advance_settled
 from helpers.small_cases import COMPLIANT, HOMALITE, case, friction_laws, march, tilted
@@ -146,8 +155,9 @@ def test_compiled_step_with_a_gap(method: str) -> None:
 COHESION = alternatives(package_of("cohesion"))
 
 
-@every_method
-@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in COHESION), ("linear", 3)])
+@pytest.mark.parametrize("method, kind, components", crossed(METHODS, [
+    *((kind, 2) for kind in COHESION), ("linear", 3),
+]))  # fmt: skip
 def test_compiled_step_with_cohesion(method: str, kind: str, components: int) -> None:
     """Some points crack from the start; motion tears, closes and shears the others until most have failed."""
     random = np.random.default_rng(13)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.interface_points import POINTS, an_interface, compliances, jump_under, sizes, with_cohesion
+from helpers.interface_points import POINTS, an_interface, compliances, crossed, jump_under, sizes, with_cohesion
 from helpers.messages import facts
 from helpers.reference_step import respond_reference
 from helpers.small_cases import HOMALITE, case, friction_laws, memory_friction, smooth_field
@@ -116,10 +116,9 @@ def test_compiled_response_in_antiplane_and_3d(method: str, components: int, kin
     response_agrees(method, components, friction(kind, wrapped))
 
 
-@every_method
-@pytest.mark.parametrize("kind, components", [
+@pytest.mark.parametrize("method, kind, components", crossed(METHODS, [
     *((kind, 2) for kind in alternatives(package_of("cohesion"))), ("linear", 3), ("linear", 1),
-])  # fmt: skip
+]))  # fmt: skip
 def test_response_with_cohesion(method: str, kind: str, components: int) -> None:
     """Compiled and in arrays, and the tangent against central differences: tearing, closing, sheared, failed points."""
     law = friction("linear_slip_weakening", None, profiles=True)

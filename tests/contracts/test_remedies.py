@@ -722,7 +722,9 @@ COMMANDS: dict[str, tuple[list[str], str, str, Callable[[re.Match[str]], list[st
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.slow] * name.startswith("a study")) for name in COMMANDS
+])  # fmt: skip
 def test_remedies_of_commands_work(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before, command, says, remedies = COMMANDS[name]
     session = Session(tmp_path, monkeypatch)

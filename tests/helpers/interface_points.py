@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from pydantic import TypeAdapter
 
 from ruptfx.app.check_law.examples import table
@@ -80,3 +82,12 @@ def jump_under(contact: Any, normal_stress_0: float, pulled: float, sheared: flo
         missing = np.array([pulled - (normal_stress_0 - trial.normal_stress), sheared - trial.shear_traction[0]])
         jump += np.where(rigid, 0.0, missing * [trial.normal_compliance, 1e-7 / trial.impedance[0]])
     return jump[0], jump[1]
+
+
+def crossed(methods: Iterable[str], laws: Iterable[tuple[str, int]]) -> list[Any]:
+    """Return all pairs of a method and a law with its components; those without the first one of either are slow."""
+    methods, laws = list(methods), list(laws)
+    return [
+        pytest.param(method, *law, marks=[pytest.mark.slow] * (method != methods[0] and law != laws[0]))
+        for method in methods for law in laws
+    ]  # fmt: skip

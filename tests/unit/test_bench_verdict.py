@@ -51,6 +51,7 @@ def test_all_ends_with_the_checks_that_failed(known: Path, capsys: pytest.Captur
     assert {path.stem for path in (known / "out").glob("*.json")} == set(BENCHMARKS)  # those after it ran, too
 
 
+@pytest.mark.slow  # and `make bench`, which runs all of them so
 def test_benchmarks_run_at_the_same_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     # Real ones, of the package and of the checkout: the processes that run them import them by themselves.
     names = ["waves", "plane_waves"]
