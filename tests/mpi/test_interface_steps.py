@@ -135,6 +135,26 @@ def test_run_that_was_stopped_goes_on_to_the_same_bits(tmp_path: Path, monkeypat
     assert max(largest_difference(tmp_path / "with", tmp_path / "without").values()) == 0
 
 
+def test_rounding_leaves_the_equilibrium_to_the_whole_system(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A root whose rounding is too large is no failure: neither a solution nor an error."""
+    given = pulled({"faults.main.contact": COMPLIANT})
+    motion, state = given.stepper.bind(model := Model(given)), model.initial_state()
+    state.lazy_bodies = True
+    for _ in range(3):
+        motion.step(state)
+    steps, carried, calls = motion.equilibrium.interface_steps, interface_steps.Carried.of(state), []
+    sizes = steps.sizes
+
+    def rough(step: Any, jump: np.ndarray) -> tuple[float, float]:
+        calls.append(step)
+        forces, rounding = sizes(step, jump)
+        return forces, rounding * (1e30 if len(calls) == 2 else 1.0)  # of the root
+
+    assert steps.solve(state, carried, 1e-5) is not None
+    monkeypatch.setattr(steps, "sizes", rough)
+    assert steps.solve(state, carried, 1e-5) is None and len(calls) == 2
+
+
 def test_bodies_are_left_alone_between_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not a back substitution, not a force of the bodies in steps that nobody looks at."""
     given = pulled({"faults.main.contact": COMPLIANT})
