@@ -6,12 +6,10 @@ import hashlib
 from collections.abc import Callable
 from functools import lru_cache, wraps
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Any, cast
 
 from ruptfx import RuptfxError
 
-Others = ParamSpec("Others")
-Content = TypeVar("Content")
 Sums = dict[str, list[int | str] | None]
 """Size and sha256 of files by absolute path; None where there is no file."""
 
@@ -60,22 +58,22 @@ def identity(path: Path) -> list[int | str] | None:
         return None
 
 
-def read_once(read: Callable[Concatenate[str, Others], Content]) -> Callable[Concatenate[str, Others], Content]:
+def read_once[Reader: Callable[..., Any]](read: Reader) -> Reader:
     """Decorate a function that reads a file: it is called again where the file or another argument has changed."""
 
     @lru_cache(maxsize=8)
-    def remembered(file: str, _: tuple[int, int, int] | None, *others: Others.args, **named: Others.kwargs) -> Content:
+    def remembered(file: str, _: tuple[int, int, int] | None, *others: Any, **named: Any) -> Any:
         return read(file, *others, **named)
 
     @wraps(read)
-    def reading(file: str, *others: Others.args, **named: Others.kwargs) -> Content:
+    def reading(file: str, *others: Any, **named: Any) -> Any:
         try:
             state = Path(file).stat()
         except OSError:  # the reader says why
             return read(file, *others, **named)
         return remembered(file, (state.st_size, state.st_mtime_ns, state.st_ino), *others, **named)
 
-    return reading
+    return cast("Reader", reading)
 
 
 @lru_cache(maxsize=256)

@@ -44,7 +44,7 @@ def first_slip(friction: str, size: float, comm: fem.MPI.Comm) -> NDArray[np.flo
             data = record.interface.load()
         comm.Barrier()
     law = case.faults["main"].friction
-    return np.array([evaluate(law.mu_s, data.position.values), data.rupture_time.values])  # type: ignore[attr-defined]
+    return np.array([evaluate(law.mu_s, data.position.values), data.rupture_time.values])  # type: ignore[union-attr]
 
 
 def correlations(draws: int, size: float, comm: fem.MPI.Comm) -> list[float]:

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import erfc
 
 from ruptfx.app.bench import Check, Outcome
-from ruptfx.case import parse_case
+from ruptfx.case import Case, parse_case
 from ruptfx.interfaces.faults.fields import Heating
 from ruptfx.platform import fem
 from ruptfx.run.model import Model
@@ -110,6 +110,7 @@ class March(NamedTuple):
 def march(table: dict[str, Any]) -> March:
     """Run a case on one rank to its end."""
     case = parse_case(table)
+    assert isinstance(case, Case)
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
     state.lazy_bodies = True
@@ -128,9 +129,11 @@ def closed_forms() -> list[Check]:
     checks = []
     for spacing, tolerance in ((200.0, 1e-3), (100.0, 1e-3)):
         duration = 60 * DAY
-        model = Model(parse_case(fault(well(), "rate_and_state_ageing", spacing, FAULT, duration, 1e-4)),
-                      fem.MPI.COMM_SELF)  # fmt: skip
-        made, face = model.faults[0].fields.contributions[0], model.faults[0].interface
+        case = parse_case(fault(well(), "rate_and_state_ageing", spacing, FAULT, duration, 1e-4))
+        assert isinstance(case, Case)
+        model = Model(case, fem.MPI.COMM_SELF)
+        made: Any = model.faults[0].fields.contributions[0]
+        face = model.faults[0].interface
         pressure = _diffused(made, duration, 300)
         expected = line_source(face.position, duration)
         error = np.abs(pressure - expected).max() / expected.max()

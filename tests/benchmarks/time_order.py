@@ -94,6 +94,7 @@ def plates(law: Table, contact: Table, steps: int) -> Table:
     }  # fmt: skip
     friction = Case.model_validate(table).faults["main"].friction
     sigma, zero = np.array([NORMAL]), np.zeros(1)
+    assert friction is not None
     at_rest = np.asarray(friction.strength(zero, sigma, friction.initial_state(sigma, zero, zero)))
     table["faults"]["main"]["initial_stress"]["shear"] = float(at_rest[0]) or CREEPING_SHEAR
     return table

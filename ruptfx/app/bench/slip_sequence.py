@@ -125,7 +125,7 @@ class Sequence:
     def front_speeds(self) -> Array:
         """Return the speeds of the fronts of precursors in windows of 12 mm, from 6 mm beyond their origin [m/s]."""
         pairs = [speed_against_ratio(event, self.position, 12e-3, 6e-3) for event in self.precursors]
-        return np.concatenate([speed for _, speed in pairs])
+        return np.asarray(np.concatenate([speed for _, speed in pairs]))
 
     def at_force(self, share: float = AT_FORCE) -> Array:
         """Return the contact profile when the force first is a share of that of the first whole slide."""

@@ -116,7 +116,7 @@ class Onset:
         speed = _speed_of_top(case)
         arrival = first_slip(data.time.values, data.slip_rate.values, SHEARED, SLIDES * speed) - SHEARED
         law = case.faults["main"].friction
-        static = np.broadcast_to(evaluate(law.mu_s, x), x.shape)  # type: ignore[attr-defined]
+        static = np.broadcast_to(evaluate(law.mu_s, x), x.shape)  # type: ignore[union-attr]
         moments = [float(np.nanmin(arrival)), *(float(np.interp(place, x, arrival)) for place in fronts), *times]
         pairs = [body_stress(record, SHEARED + moment) for moment in moments if np.isfinite(moment)]
         return cls(x, static, arrival, [at - SHEARED for at, _ in pairs], [stress for _, stress in pairs])

@@ -22,8 +22,9 @@ from ruptfx.interfaces.mechanisms.checks.plausibility import doubts, row_of
 from ruptfx.interfaces.mechanisms.checks.table import Plan, Row
 from ruptfx.laws import fracture
 from ruptfx.platform import fem
+from ruptfx.platform.memory import available
 from ruptfx.run import stages
-from ruptfx.run.cost import available, counts, measured, need_memory, rehearse
+from ruptfx.run.cost import counts, measured, need_memory, rehearse
 from ruptfx.run.model import Model
 from ruptfx.stepping.steppers import Motion, leapfrog
 from ruptfx.stepping.steppers.quasi_dynamic import SeriesMotion

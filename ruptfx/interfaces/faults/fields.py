@@ -238,8 +238,7 @@ class FaultFields:
     @staticmethod
     def _require_pressed(fault: WithFields, fields: FaultState, time: float) -> None:
         pressure, normal = fields.get("pore_pressure"), fields["normal_stress"]
-        wrong = [] if pressure is None else np.flatnonzero((pressure > normal) & (normal > 0))
-        if len(wrong) and pressure is not None:
+        if pressure is not None and len(wrong := np.flatnonzero((pressure > normal) & (normal > 0))):
             point = int(wrong[0])
             where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
             raise RuptfxError(
@@ -262,7 +261,8 @@ class FaultFields:
 
     def uncertainty(self, memory: FaultState, heating: Heating) -> np.ndarray:
         """Return the estimated error of the pressure within a step [Pa], shape (n,)."""
-        return sum((each.uncertainty(heating) for each in self.contributions), np.zeros(self.points))
+        parts = [np.asarray(each.uncertainty(heating)) for each in self.contributions]
+        return sum(parts, np.zeros(self.points))
 
 
 def _started(law: FrictionLaw, initial: Mapping[str, np.ndarray]) -> FrictionLaw:

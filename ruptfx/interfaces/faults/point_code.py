@@ -329,7 +329,7 @@ class PointCode:
         }
         begun = dict(zip(law.start, substituted(law.start.values(), entries), strict=True))
         (at_rest,) = substituted([law.outputs["strength"]], entries | {symbol("slip_rate"): constant(0)})
-        at_rest = np.where(self._is_held, UNLIMITED, at_rest) if held else at_rest
+        at_rest = np.where(self._is_held, UNLIMITED, at_rest) if held else at_rest  # type: ignore[assignment]
         first = point_step.first_iterate(
             trial, _in_points("trial_normal"), sigma, symbol("at_rest[l]"),
             trial.rate_before if guess is None else guess, is_closed,

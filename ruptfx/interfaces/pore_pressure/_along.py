@@ -57,7 +57,7 @@ class AlongStep:
     def at(self, part: float) -> np.ndarray:
         """Return the pressure at a part of the step [Pa], quadratic in time, shape (total,)."""
         change = self.end - self.begin
-        return self.begin + part * change + part * (part - 1) * (self.length * self.end_rate - change)
+        return np.asarray(self.begin + part * change + part * (part - 1) * (self.length * self.end_rate - change))
 
 
 class Along:

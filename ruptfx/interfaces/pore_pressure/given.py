@@ -41,4 +41,5 @@ class Given(PorePressure):
     def bind(self, model: System, face: Interface, key: str) -> KnownField:
         if self.file is not None:
             return KnownField.of_file("pore_pressure", self.file, "Pa", face, key)
+        assert self.pressure is not None  # `_one_source`
         return KnownField.of_profile("pore_pressure", self.pressure, self.history, len(face.plus))

@@ -88,4 +88,4 @@ class PressurisedLayer(Contribution):
             across.advance(memory[name], heating.elapsed, heating.heat, heating.growth)
 
     def uncertainty(self, heating: Heating) -> np.ndarray:
-        return self._factors["water"] * self._across["water"].uncertainty(heating.elapsed, heating.growth)
+        return np.asarray(self._factors["water"] * self._across["water"].uncertainty(heating.elapsed, heating.growth))

@@ -152,7 +152,7 @@ def _read(file: str, plane: int) -> Model:
     skipped = sum(along * down for along, down, _, _ in planes[:plane])
     along, down, length, width = planes[plane]
     some = points[skipped : skipped + along * down]
-    series = [Sampled([each[3] for each in some], [each[k] for each in some]) for k in (1, 2)]
+    series = [Sampled([each[3] for each in some], [each[k] for each in some]) for k in (1, 2)]  # type: ignore[misc]
 
     def course(number: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         (slip, rate), (slip_aside, rate_aside) = (each.at(number, time) for each in series)

@@ -61,7 +61,7 @@ def _components(path: Path, names: set[str]) -> list[str]:
     ValueError
     """
     missing = [name for name in NEEDED if name not in names]
-    shear = [name for name in ("slip", "slip_1", "slip_2") if name in names]
+    shear: list[str] = [name for name in ("slip", "slip_1", "slip_2") if name in names]
     if missing or shear not in (["slip"], ["slip_1", "slip_2"]):
         shown = ", ".join(sorted(names)) or "none of them"
         raise ValueError(

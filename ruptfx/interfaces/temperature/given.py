@@ -41,4 +41,5 @@ class Given(Temperature):
     def bind(self, model: System, face: Interface, key: str) -> KnownField:
         if self.file is not None:
             return KnownField.of_file("temperature", self.file, "K", face, key)
+        assert self.temperature is not None  # `_one_source`
         return KnownField.of_profile("temperature", self.temperature, self.history, len(face.plus))

@@ -173,7 +173,7 @@ class Temperatures(SlideHoldSlide):
             progress(number / len(self.temperatures), f"{temperature:g} K")
             one = law.substituted({"temperature_initial": temperature}).isothermal()
             runs.append(self.run(replace(slider, law=one), silent))
-        shift = np.array([float(law.shift(temperature)) for temperature in self.temperatures])
+        shift = np.array([float(np.asarray(law.shift(temperature))) for temperature in self.temperatures])
         static = np.array([each.static_friction.values for each in runs])
         slope = np.array([np.polyfit(np.log(self.holds), row, 1)[0] for row in static])
         at, both = "temperature", ("temperature", "hold")

@@ -182,7 +182,8 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:  # no
     of_case = model.placed[fault.name]
     key = f"faults.{fault.name}"
     initial_stress = of_case.initial_stress
-    if of_case.friction.given_slip_rate() is not None and initial_stress.shear is None:
+    friction = of_case.friction
+    if friction is not None and friction.given_slip_rate() is not None and initial_stress.shear is None:
         raise CaseError(
             f"{key}.friction.V_initial: with the state given, too, the initial shear stress follows from the law, and "
             "its derivative is not computed; give initial_stress.shear in its place"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -72,7 +72,8 @@ class SeriesBodies:
                 "one; take a mesh whose interfaces end at an edge"
             )
         in_order = np.array_equal(grid, np.arange(len(grid)))  # of one interface whose points go down dip
-        self._order, self._place = (slice(None),) * 2 if in_order else (np.argsort(grid), grid)
+        orders: tuple[Any, Any] = (slice(None),) * 2 if in_order else (np.argsort(grid), grid)
+        self._order, self._place = orders
         self._grid = (along.points, offset)
         contact = self._on_grid(self.jumps.gather({fault.name: compliance(fault) for fault in model.faults}))
         if np.abs(np.ptp(contact, axis=0)).max() > UNIFORM * contact.max():

@@ -39,6 +39,7 @@ class Evolution(Protocol):
 
     def begin(self, state: State, dt: float) -> None:
         """Prepare a step of the length `dt` [s] from a state; collective."""
+        return
 
     def variables(self, state: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the variables of a state, shape (n, columns)."""

@@ -351,7 +351,7 @@ class SeriesMotion(QuasiDynamicMotion):
         """Matrices of the wavenumbers."""
         return self._bodies.series
 
-    def _make_equilibrium(self, petsc_options: PetscOptions | None) -> SurfaceResponses:
+    def _make_equilibrium(self, petsc_options: PetscOptions | None) -> SurfaceResponses:  # type: ignore[override]
         return SurfaceResponses(self.model, self.radiation)
 
     def _make_bodies(self) -> SeriesBodies:
