@@ -130,7 +130,7 @@ class Sequence:
     def at_force(self, share: float = AT_FORCE) -> Array:
         """Return the contact profile when the force first is a share of that of the first whole slide."""
         peak = self.slides[0].force / self.load if self.slides else float(self.force.max())
-        return self.area[int(np.argmax(self.force >= share * peak))]
+        return np.asarray(self.area[int(np.argmax(self.force >= share * peak))])
 
     def around(self, event: SlipEvent) -> tuple[Array, Array]:
         """Return the contact profiles before an event and after it, when its waves have died."""
