@@ -131,6 +131,9 @@ class Output(Part):
     """Time between records of the interface; duration / 300 without it, in 3D duration / 60."""
     interface_steps: Annotated[int, Field(ge=1)] | None = None
     """Also save the interface every so many steps, for steps of variable length."""
+    interface_growth: Annotated[float, Field(gt=1), Unit("1")] | None = None
+    """Also save the interface when its largest slip rate has grown or fallen by this factor since the last record, in
+    steps without inertia: cycles of a thousand years in some hundred records."""
     forces_interval: Duration | None = None
     """Time between rows of `forces.csv` in finite sliding, which are then means over it, of every step; without
     it, instantaneous values at every record of the interface."""

@@ -41,7 +41,9 @@ def _checks(case: Case) -> Iterator[Messages]:
     yield _stages(case)
     yield _named(case.instruments, "instruments", "instrument", case.plane, components)
     yield _named(case.cameras, "cameras", "camera", case.plane)
-    for check in (_along_strike, _intervals, _forces, _rotations, _fracture, _axisymmetric, _tensors, _body_stress):
+    yield _along_strike(case)
+    yield _growth(case)
+    for check in (_intervals, _forces, _rotations, _fracture, _axisymmetric, _tensors, _body_stress):
         yield check(case)
 
 
@@ -117,6 +119,15 @@ def _intervals(case: Case) -> Messages:
                 f"{case.duration:g} s, and at most {MOST_RECORDS:g} are made; "
                 f"give at least {1.01 * case.duration / MOST_RECORDS:.3g} s"
             )
+
+
+def _growth(case: Case) -> Messages:
+    growth = case.output.interface_growth
+    if growth is not None and "inertia" in case.stepper.offers:
+        yield (
+            f"output.interface_growth = {growth:g}: not for stepper.kind = '{case.stepper.kind()}', whose steps are as "
+            "short where slip is slow; remove it, or use 'quasi_dynamic' or 'quasi_static'"
+        )
 
 
 def _forces(case: Case) -> Messages:

@@ -70,5 +70,5 @@ def problem(spacing: float, period: float = 128e3, duration: float = 1000.0) -> 
                 "a": {"kind": "surface_table", "strike": z.tolist(), "dip": depth.tolist(), "values": values.tolist()},
             },
         }},
-        "stepper": {"kind": "quasi_dynamic"}, "output": {"figures": False},
+        "stepper": {"kind": "quasi_dynamic"}, "output": {"figures": False, "interface_growth": 3.0},
     })  # fmt: skip

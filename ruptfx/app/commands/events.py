@@ -21,8 +21,8 @@ HEADING = "Post-process"
 
 def events(
     source: Annotated[Path, typer.Argument(
-        help="Directory of a run with fracture, or a CSV file with the columns time (s), x, y (m) and magnitude "
-             "or energy (J).", show_default=False)],
+        help="Directory of a run with fracture or of cycles on surfaces, or a CSV file with the columns time (s), x, y "
+             "(m) and magnitude or energy (J).", show_default=False)],
     smallest: Annotated[float | None, typer.Option(
         help="Smallest magnitude that counts; default: no limit for a catalogue, -10 for a run.",
         show_default=False)] = None,
@@ -42,7 +42,7 @@ def events(
         help="Picture; default: events.png, for a run RUN/figures/emission.png.", show_default=False)] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Estimate b-value, fractal dimension and Omori exponent of acoustic emission with errors, and draw a figure.
+    """List the earthquakes of a surface, or estimate b-value, fractal dimension and Omori exponent; draw a figure.
 
     Example: ruptfx events catalogue.csv --completeness -1.5 --failure-time 120
     """
@@ -53,12 +53,20 @@ def events(
         of_run = source.is_dir()
         if table and not of_run:
             raise RuptfxError(f"--csv: {source} is a table already; the option is for the directory of a run")
+        surfaces = of_run and _has_surfaces(source)
+        if surfaces and (completeness, distances, failure_time, link) != (None,) * 4:
+            raise RuptfxError(
+                "--completeness, --distances, --failure-time, --link: for acoustic emission, and this run has a "
+                "catalogue of ruptures of a surface; leave them out"
+            )
         path = picture(out or (source / "figures" / "emission.png" if of_run else Path("events.png")))
         with ExitStack() as stack:
             target, to = stack.enter_context(writing(path.parent, [source], overwrite)).claim(path.name), None
             if table:
                 to = stack.enter_context(writing(source, (), overwrite)).claim("events.csv")
-            if of_run:
+            if surfaces:
+                _of_surfaces(source, smallest, to, target)
+            elif of_run:
                 _of_run(source, smallest, completeness, distances, failure_time, link, to, target)
             else:
                 _of_catalogue(source, smallest, completeness, distances, failure_time, link, target)
@@ -67,6 +75,41 @@ def events(
             screen.print(f"Table: {each}", soft_wrap=True)
         if drawn:
             screen.print(f"Picture: {path}", soft_wrap=True)
+
+
+def _has_surfaces(run: Path) -> bool:
+    from ruptfx.results.analysis.surface import all_surfaces
+    from ruptfx.results.record import Record
+
+    with Record(run) as record:
+        return all_surfaces(record)
+
+
+def _of_surfaces(run: Path, smallest: float | None, table: Path | None, out: Path) -> None:
+    """Print the catalogue of every surface of a run, write it, and draw that of the surface with most moment."""
+    import pandas
+
+    from ruptfx.results.analysis.surface_events import COLUMNS, DURING, row_of, surface_events
+    from ruptfx.results.figure_style import save
+    from ruptfx.results.record import Record
+    from ruptfx.results.surface_catalogue import surface_catalogue
+
+    rows = []
+    with Record(run) as record:
+        catalogues = {name: surface_events(data) for name, data in record.interfaces.items()}
+        for name, items in catalogues.items():
+            kept = [event for event in items if smallest is None or event.magnitude >= smallest]
+            rows += [{"fault": name, **row_of(event)} for event in kept]
+            printed = Table(*COLUMNS, box=None, pad_edge=False)
+            for event in kept:
+                printed.add_row(*(f"{value:.5g}" for value in row_of(event).values()))
+            screen.print(f"{name}: {len(kept)} events faster than {DURING:g} m/s", soft_wrap=True)
+            screen.print(printed)
+        largest = max(catalogues, key=lambda name: sum(event.moment for event in catalogues[name]))
+        if table is not None:
+            units = {name: f"{name} ({unit})" for name, unit in COLUMNS.items() if unit != "1"}
+            pandas.DataFrame(rows, columns=["fault", *COLUMNS]).rename(columns=units).to_csv(table, index=False)
+        save(surface_catalogue(record.interfaces[largest], catalogues[largest], DURING), out, out.suffix[1:])
 
 
 def _of_catalogue(

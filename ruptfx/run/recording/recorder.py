@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import h5py
+import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__
 from ruptfx.input.fields import extensive_unit
@@ -72,6 +73,7 @@ class Recorder:
         self.next = {"interface": 0, "bulk": 1, "forces": 1}
         self.counts = {"interface": 0, "bulk": 0, "forces": 0}  # numbers of records in the files
         self.last = {"interface": -1.0, "bulk": 0.0, "forces": 0.0}  # times of the last records [s]
+        self._fastest = self._fastest_recorded = 0.0  # m/s, for `output.interface_growth`
         self._ending = False
         self.largest_work = 0.0
         self.peak_slip_rate = 0.0  # largest slip rate of the last record, on rank 0
@@ -94,13 +96,14 @@ class Recorder:
         """Return all data that change, for a checkpoint."""
         return {
             "next": self.next, "counts": self.counts, "last": self.last, "largest_work": self.largest_work,
-            "peak_slip_rate": self.peak_slip_rate,
+            "peak_slip_rate": self.peak_slip_rate, "fastest_recorded": self._fastest_recorded,
         }  # fmt: skip
 
     def restore(self, table: Table) -> None:
         """Continue from a checkpoint."""
         self.next, self.counts, self.last = dict(table["next"]), dict(table["counts"]), dict(table["last"])
         self.largest_work, self.peak_slip_rate = table["largest_work"], table["peak_slip_rate"]
+        self._fastest_recorded = table.get("fastest_recorded", 0.0)
 
     @property
     def records(self) -> int:
@@ -232,9 +235,16 @@ class Recorder:
                 return False
             if every is not None and step % every == 0:
                 return True
+            if self._has_grown():
+                return True
         if self._ending:
             return now > self.last[what]
         return self._schedules[what].due(self.next[what], now)
+
+    def _has_grown(self) -> bool:
+        """Return whether the largest slip rate differs enough from that of the last record."""
+        growth, now, then = self.model.case.output.interface_growth, self._fastest, self._fastest_recorded
+        return growth is not None and max(now, then) > 0 and not (then < growth * now and now < growth * then)
 
     def _passed(self, what: str, state: State) -> None:
         """Count a record that was made; a long step may pass several times of the schedule."""
@@ -243,11 +253,21 @@ class Recorder:
 
     def observe(self, state: State) -> None:
         """Read instruments and what mechanisms record at the start and at every step."""
+        if self.model.case.output.interface_growth is not None:  # such steps are collective
+            self._fastest = self._largest_slip_rate(state)
         if self.samples.reads_bodies:
             self.sync_bodies(state)
         self.samples.observe(state)
         for each in self.parts:
             each.observe(state)
+
+    def _largest_slip_rate(self, state: State) -> float:
+        """Return the largest slip rate of points whose slip is not prescribed [m/s]; collective."""
+        rates = [
+            np.where(fault.is_held, 0.0, np.linalg.norm(fault.components(state.faults[fault.name], "slip_rate"), axis=1))
+            for fault in self.model.faults
+        ]
+        return parallel.largest(self.model.comm, max((float(each.max(initial=0.0)) for each in rates), default=0.0))
 
     def sync_bodies(self, state: State) -> None:
         """Compute displacement and velocity at the time of the state if steps have deferred them; collective."""
@@ -275,6 +295,7 @@ class Recorder:
                 self.collect()
         if self._reached("interface", state):
             self._passed("interface", state)
+            self._fastest_recorded = self._fastest
             rows = self._read("interface", state)
             with phase("energies"):
                 energy = self._motion.energies(state)
