@@ -43,7 +43,8 @@ def surface_catalogue(data: Data, events: Sequence[SurfaceEvent], threshold: flo
     ax.set(xlabel=f"Time ({unit})", ylabel="Largest slip rate (m/s)")
     ax = axes[0, 1]
     moments = np.array([moment(data, row) for row in range(len(time))])
-    m_size, m_unit = scale(moments, "N m")
+    power = int(np.floor(np.log10(max(float(moments.max()), 1.0))))
+    m_size, m_unit = 10.0**power, rf"$10^{{{power}}}$ N m"
     ax.plot(time / size, moments / m_size, color="#1a1a1a", lw=0.8)
     for event in events:
         ax.annotate(f"{event.magnitude:.2f}", (event.time / size, moments[event.last] / m_size), fontsize=6,
@@ -60,8 +61,8 @@ def surface_catalogue(data: Data, events: Sequence[SurfaceEvent], threshold: flo
     for ax in axes[2:].flat[len(shown):]:
         ax.set_visible(False)
     letter([ax for ax in axes.flat if ax.get_visible()])
-    remark(figure, f"{len(events)} events in which a point slides faster than {threshold:g} m/s; (c): all records have the "
-                   "same height, so that every phase is visible.")  # fmt: skip
+    text = f"{len(events)} events in which slip is faster than {threshold:g} m/s; (c): records have equal heights."
+    remark(figure, text)
     return figure
 
 

@@ -12,11 +12,13 @@ from rich.table import Table
 
 from ruptfx import RuptfxError
 from ruptfx.app.commands._shared import Overwrite, begin, picture, reported, screen, writing
+from ruptfx.input.quantities import with_prefix
 
 if TYPE_CHECKING:
     from ruptfx.results.analysis.emission import Estimates
 
 HEADING = "Post-process"
+SHOWN = ("time", "duration", "magnitude", "slip", "stress_drop", "strike", "dip")  # columns of a table in 80 letters
 
 
 def events(
@@ -100,9 +102,10 @@ def _of_surfaces(run: Path, smallest: float | None, table: Path | None, out: Pat
         for name, items in catalogues.items():
             kept = [event for event in items if smallest is None or event.magnitude >= smallest]
             rows += [{"fault": name, **row_of(event)} for event in kept]
-            printed = Table(*COLUMNS, box=None, pad_edge=False)
+            printed = Table(*SHOWN, box=None, pad_edge=False)
             for event in kept:
-                printed.add_row(*(f"{value:.5g}" for value in row_of(event).values()))
+                row = row_of(event)
+                printed.add_row(*(with_prefix(row[key], "" if COLUMNS[key] == "1" else COLUMNS[key]) for key in SHOWN))
             screen.print(f"{name}: {len(kept)} events faster than {DURING:g} m/s", soft_wrap=True)
             screen.print(printed)
         largest = max(catalogues, key=lambda name: sum(event.moment for event in catalogues[name]))

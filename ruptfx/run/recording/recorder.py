@@ -263,11 +263,11 @@ class Recorder:
 
     def _largest_slip_rate(self, state: State) -> float:
         """Return the largest slip rate of points whose slip is not prescribed [m/s]; collective."""
-        rates = [
-            np.where(fault.is_held, 0.0, np.linalg.norm(fault.components(state.faults[fault.name], "slip_rate"), axis=1))
-            for fault in self.model.faults
-        ]
-        return parallel.largest(self.model.comm, max((float(each.max(initial=0.0)) for each in rates), default=0.0))
+        rates = [0.0]
+        for fault in self.model.faults:
+            free = fault.components(state.faults[fault.name], "slip_rate")[~fault.is_held]
+            rates.append(float(np.linalg.norm(free, axis=1).max(initial=0.0)))
+        return parallel.largest(self.model.comm, max(rates))
 
     def sync_bodies(self, state: State) -> None:
         """Compute displacement and velocity at the time of the state if steps have deferred them; collective."""
