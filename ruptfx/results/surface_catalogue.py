@@ -46,17 +46,16 @@ def surface_catalogue(data: Data, events: Sequence[SurfaceEvent], threshold: flo
     power = int(np.floor(np.log10(max(float(moments.max()), 1.0))))
     m_size, m_unit = 10.0**power, rf"$10^{{{power}}}$ N m"
     ax.plot(time / size, moments / m_size, color="#1a1a1a", lw=0.8)
-    for event in events:
-        ax.annotate(f"{event.magnitude:.2f}", (event.time / size, moments[event.last] / m_size), fontsize=6,
-                    xytext=(-3, 2), textcoords="offset points", ha="right")  # fmt: skip
-    ax.set(xlabel=f"Time ({unit})", ylabel=f"Moment ({m_unit})", title="Numbers: moment magnitude")
+    ax.set(xlabel=f"Time ({unit})", ylabel=f"Moment ({m_unit})")
     _along_strike(axes[1, 0], data)
-    _intervals(axes[1, 1], events, size, unit)
+    _magnitudes(axes[1, 1], events, size, unit, float(time[-1]))
     value = np.concatenate([_slip(data, event) for event in shown]) if shown else np.ones(1)
     norm = Normalize(0, float(value.max()))
     for ax, event in zip(axes[2:].flat, shown, strict=False):
         mesh = draw(ax, data, _slip(data, event), norm, RATE_MAP)
         figure.colorbar(mesh, ax=ax, label="Slip (m)", fraction=0.03, pad=0.02)
+        length = scale(np.concatenate([data["position"].values, data["dip"].values]), "m")[1]
+        ax.set(xlabel=f"Along strike ({length})", ylabel=f"Down dip ({length})")
         ax.set_title(f"{event.time / size:.4g} {unit}, magnitude {event.magnitude:.2f}")
     for ax in axes[2:].flat[len(shown):]:
         ax.set_visible(False)
@@ -91,9 +90,10 @@ def _along_strike(ax: Axes, data: Data) -> None:
     ax.set(xlabel=f"Strike ({unit})", ylabel="Record")
 
 
-def _intervals(ax: Axes, events: Sequence[SurfaceEvent], size: float, unit: str) -> None:
-    """Draw the time before each event."""
-    times = np.array([event.time for event in events]) / size
-    ax.bar(np.arange(2, len(times) + 1), np.diff(times), color=GUIDE, width=0.6)
-    ax.set(xlabel="Event", ylabel=f"Time since the last ({unit})")
-    ax.xaxis.get_major_locator().set_params(integer=True)
+def _magnitudes(ax: Axes, events: Sequence[SurfaceEvent], size: float, unit: str, end: float) -> None:
+    """Draw the moment magnitude of the events against time."""
+    if events:
+        magnitudes = np.array([event.magnitude for event in events])
+        ax.stem([event.time / size for event in events], magnitudes, linefmt=GUIDE, basefmt=" ")
+        ax.set_ylim(bottom=np.floor(magnitudes.min()) - 1)
+    ax.set(xlabel=f"Time ({unit})", ylabel="Moment magnitude", xlim=(0, end / size))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ruptfx.results.analysis.emission import Estimates
 
 HEADING = "Post-process"
+YEAR = 365.25 * 86400.0  # s
 SHOWN = ("time", "duration", "magnitude", "slip", "stress_drop", "strike", "dip")  # columns of a table in 80 letters
 
 
@@ -41,7 +42,8 @@ def events(
     table: Annotated[bool, typer.Option(
         "--csv", help="Also write all events of a run to events.csv in its directory.")] = False,
     out: Annotated[Path | None, typer.Option(
-        help="Picture; default: events.png, for a run RUN/figures/emission.png.", show_default=False)] = None,
+        help="Picture; default: events.png, for a run RUN/figures/emission.png, of surfaces catalogue.png.",
+        show_default=False)] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """List the earthquakes of a surface, or estimate b-value, fractal dimension and Omori exponent; draw a figure.
@@ -61,7 +63,8 @@ def events(
                 "--completeness, --distances, --failure-time, --link: for acoustic emission, and this run has a "
                 "catalogue of ruptures of a surface; leave them out"
             )
-        path = picture(out or (source / "figures" / "emission.png" if of_run else Path("events.png")))
+        name = "catalogue.png" if surfaces else "emission.png"
+        path = picture(out or (source / "figures" / name if of_run else Path("events.png")))
         with ExitStack() as stack:
             target, to = stack.enter_context(writing(path.parent, [source], overwrite)).claim(path.name), None
             if table:
@@ -105,7 +108,7 @@ def _of_surfaces(run: Path, smallest: float | None, table: Path | None, out: Pat
             printed = Table(*SHOWN, box=None, pad_edge=False)
             for event in kept:
                 row = row_of(event)
-                printed.add_row(*(with_prefix(row[key], "" if COLUMNS[key] == "1" else COLUMNS[key]) for key in SHOWN))
+                printed.add_row(*(_readable(row[key], COLUMNS[key]) for key in SHOWN))
             screen.print(f"{name}: {len(kept)} events faster than {DURING:g} m/s", soft_wrap=True)
             screen.print(printed)
         largest = max(catalogues, key=lambda name: sum(event.moment for event in catalogues[name]))
@@ -113,6 +116,13 @@ def _of_surfaces(run: Path, smallest: float | None, table: Path | None, out: Pat
             units = {name: f"{name} ({unit})" for name, unit in COLUMNS.items() if unit != "1"}
             pandas.DataFrame(rows, columns=["fault", *COLUMNS]).rename(columns=units).to_csv(table, index=False)
         save(surface_catalogue(record.interfaces[largest], catalogues[largest], DURING), out, out.suffix[1:])
+
+
+def _readable(value: float, unit: str) -> str:
+    """Return a number with its unit: times of more than ten years in years, the magnitude alone."""
+    if unit == "s" and value > 10 * YEAR:
+        return f"{value / YEAR:.5g} a"
+    return f"{value:.2f}" if unit == "1" else with_prefix(value, unit)
 
 
 def _of_catalogue(
