@@ -109,7 +109,25 @@ TIES = [{"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"}
 
 N = r"(-?[\d.]+(?:e[-+]?\d+)?)"
 
+WATER = {"kind": "given", "pressure": 7.65432e6}
+WELL = {"kind": "diffusion", "permeability": 1e-13, "viscosity": 1e-3, "compressibility": 1e-8, "porosity": 0.1,
+        "thickness": 1.0, "wells": [{"center": 0.05, "rate": 1e-6}]}  # fmt: skip
+PRESSURISED = {"kind": "thermal_pressurisation", "heat_capacity": 2.7e6, "thermal_diffusivity": 1e-6,
+               "hydraulic_diffusivity": 1e-5, "pressure_per_temperature": 1e5, "width": 1e-3}  # fmt: skip
+
 NUMBERS: dict[str, Remedy] = {
+    "pore pressure that opens": Remedy(
+        flat(faults__main__pore_pressure=WATER),
+        rf"pore_pressure: {N} Pa at the start is not below the normal stress of {N} Pa",
+        lambda m: [{"faults.main.pore_pressure.pressure": 0.99 * number(m, 2)},
+                   {"faults.main.initial_stress.normal": 1.01 * number(m)}]),
+    "well off the fault": Remedy(
+        flat(faults__main__pore_pressure=WELL), rf"wells\.0\.center = {N} m: .* from {N} to {N} m",
+        lambda m: [{"faults.main.pore_pressure.wells.0.center": number(m, 2)},
+                   {"faults.main.pore_pressure.wells.0.center": number(m, 3)}]),
+    "negative width": Remedy(
+        flat(faults__main__pore_pressure={**PRESSURISED, "width": -1e-3}), r"width = -0\.001.* (0)",
+        lambda m: [{"faults.main.pore_pressure.width": number(m)}]),
     "stable step": Remedy(
         flat(stepper={"kind": "leapfrog", "time_step": 1e-3}), rf"the limit is {N} s.* leave it out",
         lambda m: [{"stepper.time_step": number(m)}, {"stepper.time_step": None}]),
@@ -463,6 +481,19 @@ WORDS: dict[str, Remedy] = {
         flat(stepper={"kind": "petsc_ts", "scheme": "basicsymplectic"}, damping={"mass": 1e3}),
             r"use '(\w+)' or '(\w+)'",
         lambda m: [{"stepper.scheme": m[1]}, {"stepper.scheme": m[2]}]),
+    "well of two quantities": Remedy(
+        flat(faults__main__pore_pressure={**WELL, "wells": [{"center": 0.0, "rate": 1e-6, "pressure": 1e5}]}),
+        "rate, pressure: give one of them",
+        lambda m: [{f"faults.main.pore_pressure.wells.0.{name}": None} for name in ("rate", "pressure")]),
+    "missing heat capacity": Remedy(
+        flat(faults__main__pore_pressure={k: v for k, v in PRESSURISED.items() if k != "heat_capacity"}),
+        r"pore_pressure.*heat_capacity",
+        lambda m: [{"faults.main.pore_pressure.heat_capacity": 2.7e6}]),
+    "file and history": Remedy(
+        flat(faults__main__pore_pressure={"kind": "given", "file": "p.csv", "history": {
+            "kind": "sampled", "times": [0.0, 1.0], "values": [0.0, 1.0]}}),
+        r"remove it, or give (pressure) instead of file",
+        lambda m: [{"faults.main.pore_pressure.file": None, f"faults.main.pore_pressure.{m[1]}": 1e5}]),
     "ties in one stage": Remedy(
         flat(boundaries=TIES, stages=[{"duration": 5e-6, "boundaries": []}]), "give the same in",
         lambda m: [{"stages.0.boundaries": TIES}]),
