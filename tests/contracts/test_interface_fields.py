@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from helpers.small_cases import case, march, merged, plates, slip_weakening, strike_slip
 from helpers.whole_runs import whole_and_resumed
+from scipy.special import exp1
 
 pytest.importorskip("dolfinx")
 
@@ -279,3 +280,24 @@ def test_friction_reads_the_temperature_of_its_interface() -> None:
         low, high = (fault.friction.strength(rate, sigma, state) for rate in (1e-3, 1e-3 * np.e))
         slopes.append(high - low)
     np.testing.assert_allclose(slopes[1], 2 * slopes[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("order", [4, 5])
+def test_a_well_in_a_surface_is_that_of_theis(order: int) -> None:
+    """A Gaussian source of standard deviation w: p = Q / (4 pi T) [E1(r^2 / (2 w^2 + 4 a t)) - E1(r^2 / (2 w^2))]."""
+    width, alpha = 0.6e-3, 0.1  # m2/s: k / (eta beta phi) of the example
+    duration = 0.25e-6 / (2 * alpha)
+    well = {"center": {"x": 0.0, "y": 0.0, "z": -4e-3}, "rate": 1e-9, "half_width": width}
+    model = Model(parse_case(strike_slip({
+        "order": order, "faults.main.pore_pressure": {**WELL, "wells": [well]}})), fem.MPI.COMM_SELF)  # fmt: skip
+    face = model.faults[0].interface
+    (made,) = model.faults[0].fields.contributions
+    memory, none, steps = made.memory(), np.zeros(len(face.plus)), 40
+    for number in range(steps):
+        made.plan(memory, number * duration / steps, duration / steps)
+        made.advance(memory, number * duration / steps, Heating(none, none, duration / steps))
+    pressure = made.values(memory, duration, Heating(none, none, 0.0))["pore_pressure"]
+    square = np.sum((face.locations - [0.0, 4e-3]) ** 2, axis=1)
+    late = exp1(np.maximum(square, 1e-16) / (2 * width**2 + 4 * alpha * duration))
+    expected = 1e-9 / (4 * np.pi * 1e-13 / 1e-3) * (late - exp1(np.maximum(square, 1e-16) / (2 * width**2)))
+    np.testing.assert_allclose(pressure, expected, rtol=0, atol=1e-3 * expected.max())
