@@ -152,7 +152,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         return np.pad(variables, ((0, 0), (0, self._states - variables.shape[1])))
 
     def begin(self, state: State) -> None:
-        self._refuse_to_open(state)
+        refuse_to_open(self.model, state)
         slip = self._of_all(lambda fault: fault.components(state.faults[fault.name], "slip"))
         variables = self._of_all(lambda fault: self._variables(fault, state.faults[fault.name]))
         self._start = np.column_stack([slip, variables])
@@ -177,15 +177,6 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         solution = self._solution(state, result)
         self.count_radiation(state, solution)
         self.take(state, solution)
-
-    def _refuse_to_open(self, state: State) -> None:
-        for fault in self.model.faults:
-            opens = (state.faults[fault.name]["normal_stress"] < OPENS * fault.normal_stress_0) & ~fault.is_held
-            if parallel.anywhere(self.model.comm, bool(opens.any())):
-                raise ConvergenceError(
-                    f"faults.{fault.name} opens at time {state.time:.9g} s: less than {OPENS:.0%} of its initial "
-                    "normal stress is left; use stepper.kind = 'quasi_static'"
-                )
 
     def attempt(self, state: State, dt: float, halvings: int) -> Attempt:
         time = state.time
@@ -227,7 +218,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         shear, evolution = y.shape[1] - self._states, self._evolutions[fault.name]
         end, off, traction, rate = (self._jumps.pick(each, fault.name) for each in (y, wrong, traction, rate))
         entries = slice(shear, shear + evolution.columns)
-        pressure, _ = self._stresses(fault, time, traction)
+        pressure, _ = stresses(fault, time, traction)
         errors = evolution.errors(end[:, entries], off[:, entries], size_of(rate), pressure)
         return np.pad(errors, ((0, 0), (0, self._states - evolution.columns)))
 
@@ -259,7 +250,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         """Return slip rate, rates of the state variables and traction of the points of one fault, in columns."""
         evolution, eta, strength = self._evolutions[fault.name], self.radiation[fault.name], self._strengths[fault.name]
         state, traction = evolution.state(variables[:, : evolution.columns]), traction.copy()
-        pressure, shear = self._stresses(fault, time, traction)
+        pressure, shear = stresses(fault, time, traction)
         size = size_of(shear)
 
         # Radiation is the same in all directions: one scalar equation for |tau|.
@@ -276,7 +267,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
                 "shear traction": size, "normal stress": pressure, "strength at rest": resistance(0 * size)[0],
                 "strength at the slip rate that radiates all traction": resistance(trial.free_rate)[0],
             }  # fmt: skip
-            self._unbalanced = self._error(fault, time, wrong[0], values)
+            self._unbalanced = unbalanced(fault, time, wrong[0], values)
         rate = speed[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
         if fault.prescribed is not None:
             rate = np.where(fault.is_held[:, None], fault.prescribed.rate(time), rate)
@@ -291,22 +282,6 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         changing = evolution.rates(state, np.maximum(speed, AT_REST), pressure)
         unused = np.zeros((len(speed), self._states - evolution.columns))
         return np.column_stack([rate, changing, unused, traction])
-
-    @staticmethod
-    def _error(fault: Fault, time: float, point: int, values: dict[str, np.ndarray]) -> ConvergenceError:
-        """Return the error for a point without a slip rate."""
-        where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
-        listed = ", ".join(f"{name} {value[point]:.6g} Pa" for name, value in values.items())
-        return ConvergenceError(
-            f"no slip rate solves |shear traction| = strength + eta V at point {fault.interface.number[point]} of "
-            f"fault '{fault.name}' at ({where}) m, time {time:.9g} s: {listed}; check faults.{fault.name}.friction, or "
-            "use stepper.kind = 'quasi_static'"
-        )
-
-    def _stresses(self, fault: Fault, time: float, traction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return normal stress and shear traction [Pa], shapes (n,) and (n, tangents), from changes of traction."""
-        pressure = fault.normal_stress_0 - (traction[:, 0] if fault.interface.has_normal else 0.0)
-        return pressure, fault.driving_shear(time) + traction[:, self._shear]
 
     def _solution(self, state: State, result: Attempt) -> Solution:
         dt, end, traction, rate, _ = result
@@ -324,7 +299,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
     ) -> FaultState:
         """Return the fields of one fault at the end of a step."""
         old, time = state.faults[fault.name], state.time + dt
-        pressure, shear = self._stresses(fault, time, traction)
+        pressure, shear = stresses(fault, time, traction)
         shear_columns, evolution = end.shape[1] - self._states, self._evolutions[fault.name]
         slip, variables = end[:, :shear_columns], end[:, shear_columns : shear_columns + evolution.columns]
         new = fault.state_of({
@@ -388,3 +363,36 @@ def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:
 def size_of(vectors: np.ndarray) -> np.ndarray:
     """Return the lengths of vectors, shape (n,); for two components a third of the time of NumPy's norm."""
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
+def refuse_to_open(model: System, state: State) -> None:
+    """Refuse a state in which a fault opens; collective.
+
+    Raises
+    ------
+    ConvergenceError
+    """
+    for fault in model.faults:
+        opens = (state.faults[fault.name]["normal_stress"] < OPENS * fault.normal_stress_0) & ~fault.is_held
+        if parallel.anywhere(model.comm, bool(opens.any())):
+            raise ConvergenceError(
+                f"faults.{fault.name} opens at time {state.time:.9g} s: less than {OPENS:.0%} of its initial "
+                "normal stress is left; use stepper.kind = 'quasi_static'"
+            )
+
+
+def stresses(fault: Fault, time: float, traction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return normal stress and shear traction [Pa], shapes (n,) and (n, tangents), from changes of traction."""
+    pressure = fault.normal_stress_0 - (traction[:, 0] if fault.interface.has_normal else 0.0)
+    return pressure, fault.driving_shear(time) + traction[:, int(fault.interface.has_normal) :]
+
+
+def unbalanced(fault: Fault, time: float, point: int, values: dict[str, np.ndarray]) -> ConvergenceError:
+    """Return the error for a point without a slip rate."""
+    where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
+    listed = ", ".join(f"{name} {value[point]:.6g} Pa" for name, value in values.items())
+    return ConvergenceError(
+        f"no slip rate solves |shear traction| = strength + eta V at point {fault.interface.number[point]} of "
+        f"fault '{fault.name}' at ({where}) m, time {time:.9g} s: {listed}; check faults.{fault.name}.friction, or "
+        "use stepper.kind = 'quasi_static'"
+    )
