@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save_numbers
 from ruptfx.case import parse_case
 from ruptfx.lumped import simulate
 
@@ -70,6 +70,7 @@ saturating = {**pmma, "kind": "rate_and_state_saturating", "f_0": 0.2, "theta_c"
 diagram = run("stability", friction=saturating)
 error = float(np.abs(diagram.k_c_simulated - diagram.k_c_linear).max() / diagram.cell)
 print(f"boundary: simulation within {error:.2f} cells of the linear analysis")
+numbers = {"boundary of stability: cells beside the linear analysis": error}
 
 # %% [markdown]
 # With a mass to end the slips, the oscillation can be followed beyond K_c. With the ageing law its amplitude jumps at
@@ -83,6 +84,7 @@ for law in (pmma, {**pmma, "kind": "rate_and_state_saturating", "theta_c": 0.1})
     cycles = run("bifurcation", f"bifurcation_{law['kind']}", mass=1.63, friction=law, experiment=experiment)
     for ratio, amplitude in zip(cycles.ratio.values, cycles.amplitude.values, strict=True):
         over = amplitude / np.sqrt(1 - ratio) if ratio < 1 else np.nan
+        numbers |= {f"{law['kind']}, K/K_c {ratio:g}: amplitude over root": over} if ratio < 1 else {}
         print(f"{law['kind']}, K / K_c = {ratio:<5g} peak-to-peak friction {amplitude:.4f}, over root {over:.4f}")
 
 # %% [markdown]
@@ -98,6 +100,7 @@ for load, exponent, drops in zip(
     slips.normal_force.values, slips.period_exponent.values, slips.force_drop.values, strict=True
 ):
     print(f"W = {load:g} N: period ~ V^{exponent:.3f}, mean drop {drops.mean():.2f} N")
+    numbers |= {f"{load:g} N: exponent of the period": exponent, f"{load:g} N: drop": (drops.mean(), "N")}
 
 # %% [markdown]
 # ## The pinned interface
@@ -110,8 +113,10 @@ elastic = {"interface_length": 0.4e-6, "stiffness": 3e4, "mass": 1.63}
 loading = run("loading_unloading", **elastic)
 for fraction, slip in zip(loading.fraction.values, loading.irreversible.values, strict=True):
     print(f"loaded to {fraction:g} of the static force: irreversible slip {1e6 * slip:.2g} um")
+    numbers[f"irreversible slip at {fraction:g}"] = (slip, "m")
 resonance = run("frequency_response", **elastic, experiment={"kind": "frequency_response", "loss_tangent": 1 / 19})
 print(f"resonance {float(resonance.resonance):.0f} 1/s, quality {float(resonance.quality):.1f} (measured: 761, 19)")
+numbers |= {"resonance": (float(resonance.resonance), "1/s"), "quality": float(resonance.quality)}
 
 # %% [markdown]
 # ## A trembling normal load
@@ -123,6 +128,7 @@ print(f"resonance {float(resonance.resonance):.0f} 1/s, quality {float(resonance
 load = run("modulated_load", interface_length=0.4e-6)
 for eps, change, K_c in zip(load.eps.values, load.mean_change.values, load.K_c_loaded.values, strict=True):
     print(f"eps = {eps:<5g} mean friction {100 * change:7.2f} %   K_c {K_c / 1e3:6.1f} kN/m")
+    numbers |= {f"eps {eps:g}: change of the mean": (100 * change, "%"), f"eps {eps:g}: K_c": (K_c / 1e3, "kN/m")}
 
 # %% [markdown]
 # ## a, b and D_c from a measurement
@@ -142,4 +148,15 @@ fit = run("fit", friction=guess, experiment={"kind": "fit", "trace": str(out / "
 for name in ("a", "b", "D_c"):
     low, high = float(fit[f"{name}_low"]), float(fit[f"{name}_high"])
     print(f"{name:<4} {float(fit[name]):.4g}   95 %: {low:.4g} to {high:.4g}")
+
+# %% [markdown]
+# ## Numbers
+#
+# Results that the page from a paper to a command shows.
+
+# %%
+numbers |= {f"loop area at {period:g} s": area for period, area in
+            zip(loops.period.values, loops.loop_area.values, strict=True)}  # fmt: skip
+numbers["static friction per e-fold of hold"] = float(holds.healing_slope)
+save_numbers(out, numbers)
 print(f"figures in {out}")

@@ -300,6 +300,8 @@ class Command:
             program = [str(DEMOS / first)] if first.endswith(".py") else ["-m", "ruptfx", first]
             words = [str(DEMOS.parent / word) if word.startswith("demos/") else word for word in words]
             subprocess.run([sys.executable, *program, *words], cwd=directory, check=True)
+        if first.endswith(".py"):
+            keep_numbers(self.command, directory)
         for name, left in self.pictures.items():
             (found,) = directory.rglob(file_of(left))
             path = self.folder / file_of(name)
@@ -308,6 +310,20 @@ class Command:
             else:
                 shutil.copy(found, path)
                 compress(path)
+
+
+def keep_numbers(command: str, directory: Path) -> None:
+    """Keep what a script saved by `ruptfx.app.script.save_numbers` under the name of the script and its arguments."""
+    saved = [json.loads(path.read_text(encoding="utf-8")) for path in directory.rglob("numbers.json")]
+    if saved:
+        write_numbers(command, {name: value for numbers in saved for name, value in numbers.items()})
+
+
+def write_numbers(name: str, numbers: Mapping[str, object]) -> None:
+    """Replace the saved numbers of a run."""
+    known = json.loads(NUMBERS.read_text(encoding="utf-8")) if NUMBERS.is_file() else {}
+    known[name] = dict(numbers)
+    NUMBERS.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def file_of(name: str) -> str:
@@ -335,6 +351,13 @@ COMMANDS = (
         "thesis_block_uneven": "thesis_block/uneven", "thesis_block_even": "thesis_block/even",
     }),
     Command("sliding_to_rest.py", {"sliding_to_rest": "sliding_to_rest/sliding_to_rest"}),
+    Command("spring_slider.py", {
+        **{f"slider_{name}": f"{name}/figures/{name}" for name in (
+            "slide_hold_slide", "stability", "stick_slip", "loading_unloading", "frequency_response", "modulated_load",
+            "modulated_speed")},
+        "slider_bifurcation": "bifurcation_rate_and_state_saturating/figures/bifurcation",
+    }),
+    Command("lecture_cases.py", {"lecture_cases": "modes"}),
     Command("stress_barrier.py", {"stress_barrier": "stress_barrier/figures/front"}),
     Command("contact_fringes.py", {"contact_fringes": "pair"}),
     Command("pressed_block.py", {"pressed_block": "strains"}),
@@ -410,9 +433,7 @@ def of_run(name: str, runs: Path) -> None:
     with Record(runs / name) as record:
         save(plots.FIGURES[figure](record).figure, folder / f"{name}.png", "png")
         compress(folder / f"{name}.png")
-        known = json.loads(NUMBERS.read_text(encoding="utf-8")) if NUMBERS.is_file() else {}
-        known[name] = {key: value for key, value in (record.summary or {}).items() if key not in LEFT_OUT}
-    NUMBERS.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        write_numbers(name, {key: value for key, value in (record.summary or {}).items() if key not in LEFT_OUT})
 
 
 def of_lumped_model(name: str, runs: Path) -> None:

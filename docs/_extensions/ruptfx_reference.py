@@ -7,7 +7,7 @@
 - ``{ruptfx-support} TOPIC``: which features work with which steppers, contact methods, planes or materials.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`, after one of a row for each benchmark.
 - ``{ruptfx-problems} FILE``: the verification problems of a TOML file, each with picture, source, error and verdict.
-- ``{ruptfx-sources} FILE NAME``: what a document prints, and what is computed here, from a TOML file.
+- ``{ruptfx-sources} NAME``: what a document prints, and what is computed here.
 - ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: rates, steps, phases, aims or checks.
 - ``{ruptfx-time}`DEMO` ``, in a line: the time of a demo that `ruptfx bench demo_times` found.
 """
@@ -36,10 +36,12 @@ from sphinx.util.docutils import SphinxDirective, SphinxRole
 from ruptfx.app import bench
 from ruptfx.app.bench import _speed_tables
 from ruptfx.app.cli import app
-from ruptfx.app.reference import describe, support_table
+from ruptfx.app.reference import describe, sources, support_table
+from ruptfx.app.script import number_text
 from ruptfx.input.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
 from ruptfx.input.quantities import with_prefix
 from ruptfx.results import plots
+from ruptfx.results.summary_fields import UNITS
 
 
 def paragraph(text: str) -> nodes.paragraph:
@@ -375,40 +377,63 @@ class Problems(Directive):
 
 
 class Sources(Directive):
-    """A table of what a document prints and what is computed here, from a TOML file: its path, and the document's name.
+    """A table of what a document prints and what is computed here, from `ruptfx/app/reference/sources.toml`.
 
-    A row has a figure or equation, a command, the printed number, the computed one and whether they agree. In the
-    computed one `[[benchmark|check]]` stands for the saved number of a check.
+    The argument is the name of the document. `[[NAME|NUMBER]]` stands for the saved number of a check of a benchmark, or
+    of the run of a demo.
     """
 
-    required_arguments = 2
+    required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
         environment = self.state.document.settings.env
-        path = Path(environment.srcdir, self.arguments[0])
-        environment.note_dependency(str(path))
-        rows: list[Cells] = []
-        for what, command, printed, computed, agrees in tomllib.loads(path.read_text())[self.arguments[1]]:
+        environment.note_dependency(sources.__file__.replace(".py", ".toml"))
+        cells: list[Cells] = []
+        for row in sources.rows_of(self.arguments[0]):
+            first = paragraph(row.what)
+            if row.picture:  # named from the top of the site; its width makes Sphinx link it to its file
+                first += nodes.image(uri=f"/{row.picture}", alt=row.what, width="9em")
             shown = nodes.paragraph()
-            if command:
-                shown += nodes.literal(text=command)
-            rows.append((what, shown, printed, re.sub(r"\[\[(.+?)\|(.+?)\]\]", self._number, computed), agrees))
+            if row.command:
+                shown += nodes.literal(text=row.command)
+            computed = re.sub(r"\[\[(.+?)\|(.+?)\]\]", self._number, row.computed)
+            cells.append((first, shown, row.printed, computed, row.agrees))
         header = ("figure or equation", "command", "printed", "here", "agrees")
-        return [table(header, rows, (24, 22, 18, 24, 12), literal=0, classes=("sources",))]
+        return [table(header, cells, (24, 22, 18, 24, 12), literal=0, classes=("sources",))]
 
     def _number(self, match: re.Match[str]) -> str:
-        """Return the saved number of a check with its unit."""
+        """Return a saved number with its unit."""
+        name, wanted = match[1], match[2]
         environment = self.state.document.settings.env
-        path = Path(environment.srcdir, "verification", "results", f"{match[1]}.json")
+        is_demo = name.endswith((".py", ".toml"))
+        folder = ("pictures", "numbers.json") if is_demo else ("verification", "results", f"{name}.json")
+        path = Path(environment.srcdir, *folder)
         environment.note_dependency(str(path))
-        saved = checks_of(json.loads(path.read_text()))
-        named = [check for check in saved if fnmatch.fnmatchcase(check.quantity, match[2])]
-        if len(named) != 1:
-            raise self.error(f"{match[1]}: {len(named)} checks are named like '{match[2]}'")
-        (check,) = named
-        if check.unit in ("m", "s"):
-            return with_prefix(check.found, check.unit)
-        return f"{check.found:.3g}" + (f" {check.unit}" if check.unit != "1" else "")
+        try:
+            return saved_number(path, name, wanted)
+        except LookupError as error:
+            raise self.error(f"{name}: {error}") from None
+
+
+def saved_number(path: Path, name: str, wanted: str) -> str:
+    """Return the number of a check of a benchmark, or of the run of a demo, as text with its unit.
+
+    Raises
+    ------
+    LookupError
+        The file has no such number, or several.
+    """
+    saved = json.loads(path.read_text())
+    if name.endswith(".py"):
+        return number_text(saved[name][wanted])
+    if name.endswith(".toml"):
+        value = saved[name.removesuffix(".toml")][wanted]
+        return number_text((value, UNITS[wanted]) if wanted in UNITS else value)
+    named = [check for check in checks_of(saved) if fnmatch.fnmatchcase(check.quantity, wanted)]
+    if len(named) != 1:
+        raise LookupError(f"{len(named)} checks are named like '{wanted}'")
+    (check,) = named
+    return number_text((check.found, check.unit) if check.unit != "1" else check.found)
 
 
 RATES = (600_000, 1_000_000)  # nodes of the rows of the short table

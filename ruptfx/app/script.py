@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ruptfx import RuptfxError
+from ruptfx.input.quantities import with_prefix
 from ruptfx.platform.launch import is_first_rank
 from ruptfx.results import directories
 
@@ -59,6 +62,37 @@ def save(figure: Figure, path: str | Path) -> None:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=200)
         print(f"picture: {path}")
+
+
+def save_numbers(folder: str | Path, numbers: Mapping[str, str | float | tuple[float, str]]) -> None:
+    """Write numbers as `numbers.json` on the first rank, and print them: pages of the site and tests read that file.
+
+    Parameters
+    ----------
+    folder : str or Path
+        It is made if it is missing.
+    numbers : mapping of str to str, float or (float, str)
+        Results by name: a word, a pure number, or a number with its unit.
+    """
+    if is_first_rank():
+        rows = {
+            name: value if isinstance(value, str) else [float(value[0]), value[1]] if isinstance(value, tuple)
+            else float(value) for name, value in numbers.items()
+        }  # fmt: skip
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        Path(folder, "numbers.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        for name, value in numbers.items():
+            print(f"{name}: {number_text(value)}")
+
+
+def number_text(value: str | float | tuple[float, str] | list[Any]) -> str:
+    """Return a result of `save_numbers` as text, with its unit."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, float | int):
+        return f"{value:.3g}"
+    number, unit = value
+    return with_prefix(number, unit) if unit in ("m", "s") else f"{number:.3g} {unit}"
 
 
 def _shown(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

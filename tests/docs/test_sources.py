@@ -1,30 +1,67 @@
-"""Rows of the page from a paper to a command: their commands name demos and benchmarks that exist."""
+"""Rows of the page from a paper to a command: their commands, pictures and numbers exist."""
 
 from __future__ import annotations
 
+import json
+import re
 import shlex
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from ruptfx import RuptfxError
 from ruptfx.app.bench import benchmarks
 from ruptfx.app.cli import app
+from ruptfx.app.reference.sources import Row, files_of, rows_of, sources
 
 CHECKOUT = Path(__file__).parents[2]
-TABLES = tomllib.loads((CHECKOUT / "docs" / "gallery" / "sources.toml").read_text(encoding="utf-8"))
+DOCS = CHECKOUT / "docs"
 AGREES = ("yes", "in part", "no", "not done")
+ROWS = [pytest.param(row, id=f"{name}-{number}") for name, rows in sources().items() for number, row in enumerate(rows)]
 
 
-@pytest.mark.parametrize("source", TABLES)
-def test_a_row_has_a_command_that_exists_or_says_what_is_missing(source: str) -> None:
+@pytest.mark.parametrize("row", ROWS)
+def test_a_row_has_a_command_that_exists_or_says_what_is_missing(row: Row) -> None:
     commands = {command.name or command.callback.__name__.replace("_", "-") for command in app.registered_commands}
-    for what, command, printed, computed, agrees in TABLES[source]:
-        words = shlex.split(command)
-        for word in (word for word in words if word.startswith("demos/")):
-            assert (CHECKOUT / word).is_file(), what
-        assert not words or words[0] == "python" or words[1] in commands, what
-        if words[1:2] == ["bench"]:
-            assert words[2] in benchmarks(), what
-        assert agrees.startswith(AGREES) and printed, what
-        assert computed or agrees.startswith("not done"), what
+    words = shlex.split(row.command)
+    for word in (word for word in words if word.startswith("demos/")):
+        assert (CHECKOUT / word).is_file()
+    assert not words or words[0] in ("python", "pytest") or words[1] in commands
+    if words[1:2] == ["bench"]:
+        assert words[2] in benchmarks()
+    assert row.agrees.startswith(AGREES) and row.printed
+    assert row.computed or row.agrees.startswith("not done")
+    assert not row.picture or (DOCS / row.picture).is_file()
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_number_of_a_row_is_saved_by_a_run(row: Row) -> None:
+    """Text has no digits of its own: a number stands for one of a file, an input or a formula in backticks, or a name."""
+    numbers = json.loads((DOCS / "pictures" / "numbers.json").read_text(encoding="utf-8"))
+    for name, wanted in re.findall(r"\[\[(.+?)\|(.+?)\]\]", row.computed):
+        if name.endswith((".py", ".toml")):
+            assert wanted in numbers[name.removesuffix(".toml")], name
+        else:
+            saved = json.loads((DOCS / "verification" / "results" / f"{name}.json").read_text(encoding="utf-8"))
+            assert saved["checks"], name
+    text = re.sub(r"\[\[.+?\]\]|`.+?`|\b[A-Za-z_]+\d+\b|[23]D\b", "", row.computed)
+    assert not re.search(r"\d", text), f"{text}: save the number by `save_numbers` or a benchmark, and name it here"
+
+
+def test_the_page_has_a_table_of_every_document() -> None:
+    page = (DOCS / "gallery" / "sources.md").read_text(encoding="utf-8")
+    assert re.findall(r"\{ruptfx-sources\} (\w+)", page) == list(sources())
+    for path in (CHECKOUT / "README.md", DOCS / "index.md", DOCS / "gallery" / "index.md"):
+        assert re.search(r"\]\((docs/|gallery/)?(gallery/)?sources\.md\)", path.read_text(encoding="utf-8")), path
+
+
+def test_demos_of_a_document_are_found_with_all_files_they_need() -> None:
+    """The chain and the pushed block with their cases, and what the mode map of the lecture runs; granite is no part."""
+    second = {path.name for path in files_of("001", CHECKOUT / "demos")}
+    assert {"spring_block.toml", "pushed_block.toml"} <= second
+    assert second == {path.name for path in files_of("slip_sequences", CHECKOUT / "demos")}
+    first = {path.name for path in files_of("000", CHECKOUT / "demos")}
+    assert {"mode_map.toml", "impact.toml", "lecture_cases.py", "fibre_pull_out.toml"} <= first
+    assert not any("granite" in name for name in first | second)
+    with pytest.raises(RuptfxError, match=r"000 or lecture, 001 or slip_sequences"):
+        rows_of("005")

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.table import Table
 
 import ruptfx
 from ruptfx import RuptfxError
-from ruptfx.app.commands._shared import reported, screen, writing
+from ruptfx.app.commands._shared import reported, screen, table_console, writing
 from ruptfx.app.commands.new import SCHEMA_LINE, write_schema
+from ruptfx.app.reference.sources import files_of, rows_of
 
 HEADING = "Begin"
 
@@ -22,8 +24,11 @@ def demos(
     schema: Annotated[
         bool, typer.Option("--schema", help="With a JSON schema that every case names, for editors.")
     ] = False,
+    source: Annotated[
+        str, typer.Option("--source", help="Only what computes figures of one source document, as 001; lists them.")
+    ] = "",
 ) -> None:
-    """Copy the demo cases and scripts of the installed package.
+    """Copy the demo cases and scripts of the installed package, or those of one of the documents that it comes from.
 
     Example: ruptfx demos mine --notebooks
     """
@@ -34,17 +39,26 @@ def demos(
             raise RuptfxError(f"{out}: exists already; give another directory: ruptfx demos DIRECTORY")
         if notebooks:
             need_jupytext()
-        name = Path(ruptfx.__file__).with_name("demos")
+        folder = Path(ruptfx.__file__).with_name("demos")
+        copied = files_of(source, folder) if source else [*filter(Path.is_file, folder.iterdir()), folder / "plugins"]
         with writing(out) as files:
-            for file in filter(Path.is_file, name.iterdir()):
-                shutil.copy(file, files.place)
-            shutil.copytree(name / "plugins", files.place / "plugins", ignore=shutil.ignore_patterns("__pycache__"))
+            for path in copied:
+                if path.is_dir():
+                    shutil.copytree(path, files.place / path.name, ignore=shutil.ignore_patterns("__pycache__"))
+                else:
+                    shutil.copy(path, files.place)
             if schema:
                 write_schema(files.place)
                 for case in sorted(files.place.glob("*.toml")):
                     case.write_text(SCHEMA_LINE + case.read_text())
             for script in sorted(files.place.glob("*.py")) if notebooks else []:
                 write_notebook(script)
+        if source:
+            table = Table("figure or formula", "command", box=None, pad_edge=False)
+            for row in rows_of(source):
+                table.add_row(row.what, row.command.replace("demos/", f"{out}/") or "-")
+            table_console().print(table)
+            return
         shown = f"jupyter lab {out / 'shear_impact.ipynb'}" if notebooks else f"ruptfx check {out / 'impact.toml'}"
         screen.print(f"{out}: try  {shown}", soft_wrap=True)
 
