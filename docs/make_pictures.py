@@ -300,7 +300,11 @@ class Command:
             program = [str(DEMOS / first)] if first.endswith(".py") else ["-m", "ruptfx", first]
             words = [str(DEMOS.parent / word) if word.startswith("demos/") else word for word in words]
             subprocess.run([sys.executable, *program, *words], cwd=directory, check=True)
-        if first.endswith(".py"):
+        self.keep(directory)
+
+    def keep(self, directory: Path) -> None:
+        """Keep the pictures and the numbers that the command left in a directory."""
+        if self.command.split()[0].endswith(".py"):
             keep_numbers(self.command, directory)
         for name, left in self.pictures.items():
             (found,) = directory.rglob(file_of(left))
@@ -360,7 +364,11 @@ COMMANDS = (
     Command("lecture_cases.py", {"lecture_cases": "modes"}),
     Command("stress_barrier.py", {"stress_barrier": "stress_barrier/figures/front"}),
     Command("contact_fringes.py", {"contact_fringes": "pair"}),
-    Command("pressed_block.py", {"pressed_block": "strains"}),
+    Command("pressed_block.py", {"pressed_block": "strains", "pressed_specimens": "specimens"}),
+    Command("symmetric_impact.py", {"symmetric_impact": "symmetric_impact/fringes"}),
+    Command("block_stresses.py", {"block_stresses": "profiles"}),
+    Command("tilted_block.py", {"tilted_block": "maps"}),
+    Command("rough_patterns.py", {"rough_patterns": "asymmetry"}),
     Command("sensitivity.py", {"sensitivity": "sensitivity"}),
     Command("infer_antiplane.py", {"infer_antiplane": "infer_antiplane"}),
     Command("infer_gauges.py", {"infer_gauges": "infer_gauges", "infer_tradeoffs": "tradeoffs"}),
