@@ -18,7 +18,7 @@ import tomllib
 from pathlib import Path
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin, save
+from ruptfx.app.script import begin, save, save_numbers
 
 HERE, OUT = Path(__file__).parent, Path("runs/lecture")
 STUDY = tomllib.loads((HERE / "mode_map.toml").read_text())
@@ -66,6 +66,13 @@ for (set_name, case_name), record in records.items():
         f"{found['mode_at_half_threshold']} | {'-' if tip is None else f'{tip:.3f}'} | "
         f"{found['peak_slip_rate']:.3g} m/s | {found['energy_closure']:.1e} |"
     )
+
+numbers = {}
+for (set_name, case_name), record in records.items():
+    tip = record.summary["tip_speed_over_c_l"]
+    numbers[f"{set_name}, case {case_name}: mode"] = record.summary["mode"]
+    numbers |= {} if tip is None else {f"{set_name}, case {case_name}: tip over c_l": tip}
+save_numbers(OUT, numbers)
 
 # %%
 from ruptfx.platform import fem  # noqa: E402

@@ -91,7 +91,8 @@ def specimen(name, fault, **changes):
 
 
 body = {"length": 100e-3, "height": 50e-3, "element_size": 2.5e-3, "growth": 1.2}
-heights = {"kind": "self_affine", "rms": 50e-6, "hurst": 0.8, "length": 0.1, "longest": 25e-3, "shortest": 6e-3, "seed": 3}
+heights = {"kind": "self_affine", "rms": 50e-6, "hurst": 0.8, "length": 0.1, "longest": 25e-3, "shortest": 6e-3,
+           "seed": 3}  # fmt: skip
 rough = {"kind": "rough_plates", "upper": body | {"profile": heights}, "lower": body}
 specimens = {
     "single": specimen("single", {"initial_stress": {"normal": 200e6}, "contact": {"kind": "split_node"},

@@ -2,12 +2,14 @@
 # # Ruptures over four patterns of roughness
 #
 # Two bodies of different materials are pressed and sheared; then a part of the interface loses its friction. Between
-# smooth bodies the fronts to the two sides differ; waves of the surfaces can decouple the bodies, so that both sides look
-# alike. Patterns: smooth, waves in phase (the surfaces fit into each other), waves in opposition, one wavy surface.
+# smooth bodies the fronts to the two sides differ; waves of the surfaces can decouple the bodies, so that both sides
+# look alike. Patterns: smooth, waves in phase (the surfaces fit into each other), waves in opposition, one
+# wavy surface.
 # Wavelength, amplitude and length of the nucleation vary, which Di Bartolomeo et al. (ESDA2010-25247) leave to further
 # work. Their Table 1 prints wave speeds that belong to a Poisson ratio of 0.31, not to the printed 0.25: both run.
 #
-# Measure: slip after the nucleation to the right less that to the left, over their sum; zero where both sides are alike.
+# Measure: slip after the nucleation to the right less that to the left, over their sum; zero where both sides are
+# alike.
 #
 # Run with `python demos/rough_patterns.py`: 30 runs, some minutes; runs that exist are not run again. The map is
 # `runs/rough_patterns/asymmetry.png`.
@@ -47,7 +49,9 @@ def run(pattern, wave=0.6e-3, steep=1 / 60, patch=120e-6, nu=0.25):
     if pattern == "in phase":
         table["mesh"]["lower"]["profile"]["mean"] = 0.0
     table["faults"]["main"]["nucleation"][0]["half_width"] = 0.5 * patch
-    table["output"] |= {"figures": False, "interface_interval": 0.05e-6, "bulk_interval": 20e-6, "bulk_fields": ["velocity"]}
+    table["output"] |= {
+        "figures": False, "interface_interval": 0.05e-6, "bulk_interval": 20e-6, "bulk_fields": ["velocity"],
+    }  # fmt: skip
     case = parse_case(table)
     path = OUT / f"{pattern}_{1e6 * wave:.0f}_{1 / steep:.0f}_{1e6 * patch:.0f}_{nu}".replace(" ", "_")
     record = Record(path) if (path / "summary.json").exists() else simulate(case, path, overwrite=True)

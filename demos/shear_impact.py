@@ -16,7 +16,7 @@ from ruptfx.results import plots
 begin("runs/shear_impact")
 case = read_case(
     Path(__file__).with_name("impact.toml"),
-    overrides=["duration=40e-6", "faults.main.initial_stress.normal=6e6", "boundaries.0.velocity=2.0"],
+    overrides=["faults.main.initial_stress.normal=6e6", "boundaries.0.velocity=2.0"],  # Pa, m/s
 )
 record = simulate(case, out="runs/shear_impact", overwrite=True)
 

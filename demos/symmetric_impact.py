@@ -2,8 +2,8 @@
 # # Plates hit symmetrically: fringes without sliding
 #
 # If the edges of both plates are hit alike, the interface is a line of symmetry: it carries no shear, whatever its
-# friction, and two plates are one. Coker, Lykotrafitis, Needleman and Rosakis (2005, Fig. 7) compare computed fringes at
-# 16 us (10 MPa, 5 m/s) with fringes of plates that are not pressed and are hit at 58 m/s. Both run here.
+# friction, and two plates are one. Coker, Lykotrafitis, Needleman and Rosakis (2005, Fig. 7) compare computed fringes
+# at 16 us (10 MPa, 5 m/s) with fringes of plates that are not pressed and are hit at 58 m/s. Both run here.
 #
 # Run with `python demos/symmetric_impact.py` (or under `mpirun -n 2`): half a minute. The picture is
 # `runs/symmetric_impact/fringes.png`.

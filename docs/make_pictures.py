@@ -368,6 +368,7 @@ COMMANDS = (
     Command("symmetric_impact.py", {"symmetric_impact": "symmetric_impact/fringes"}),
     Command("block_stresses.py", {"block_stresses": "profiles"}),
     Command("tilted_block.py", {"tilted_block": "maps"}),
+    Command("fracture_energy.py", {"fracture_energy": "gamma"}),
     Command("rough_patterns.py", {"rough_patterns": "asymmetry"}),
     Command("sensitivity.py", {"sensitivity": "sensitivity"}),
     Command("infer_antiplane.py", {"infer_antiplane": "infer_antiplane"}),

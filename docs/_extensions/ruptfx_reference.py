@@ -379,8 +379,8 @@ class Problems(Directive):
 class Sources(Directive):
     """A table of what a document prints and what is computed here, from `ruptfx/app/reference/sources.toml`.
 
-    The argument is the name of the document. `[[NAME|NUMBER]]` stands for the saved number of a check of a benchmark, or
-    of the run of a demo.
+    The argument is the name of the document. `[[NAME|NUMBER]]` stands for the saved number of a check of a benchmark,
+    or of the run of a demo.
     """
 
     required_arguments = 1

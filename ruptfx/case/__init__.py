@@ -178,9 +178,16 @@ class KelvinVoigt(Part):
     """Elements whose centre is that close to an interface; without it, those that touch one."""
     bodies: list[str] | None = None
     """Bodies that are viscous, all their elements, instead of a layer along the interfaces."""
+    beta_2: Annotated[float, Field(gt=0.5, lt=1), Unit("1")] | None = None
+    """Numerical damping of explicit Newmark steps with gamma = beta_2, instead: eta is (beta_2 - 1/2) times the time
+    step, in all elements. In linear bodies both are the same scheme, whose stable step is sqrt(1 / (2 beta_2)) times
+    that without damping; tractions of interfaces are not damped."""
 
     @model_validator(mode="after")
     def _one_viscosity(self) -> KelvinVoigt:
+        beside = [name for name in ("fraction", "eta", "thickness", "bodies") if name in self.model_fields_set]
+        if self.beta_2 is not None and beside:
+            raise ValueError(f"beta_2 = {self.beta_2:g}: sets the viscosity of all bodies; remove {', '.join(beside)}")
         if self.eta is not None and self.fraction != type(self).model_fields["fraction"].default:
             raise ValueError(
                 f"fraction = {self.fraction:g}: without effect beside eta = {self.eta:g} s; remove one of them"

@@ -9,7 +9,7 @@ import numpy as np
 
 from ruptfx.bodies import operators
 from ruptfx.bodies.space.closest import closest
-from ruptfx.bodies.spectrum import highest_frequency
+from ruptfx.bodies.spectrum import highest_frequency, stable_time_step
 from ruptfx.input.schema import CaseError, nearest
 from ruptfx.interfaces.mechanisms.system import Viscosity
 from ruptfx.platform import fem, parallel
@@ -17,6 +17,7 @@ from ruptfx.platform import fem, parallel
 if TYPE_CHECKING:
     from ruptfx.case import Case
     from ruptfx.interfaces.mechanisms.system import System
+    from ruptfx.stepping.steppers import Stepper
 
 
 def viscous_layer(model: System, case: Case) -> Viscosity | None:
@@ -33,6 +34,8 @@ def viscous_layer(model: System, case: Case) -> Viscosity | None:
             if getattr(given, name) is not None:
                 raise CaseError(f"damping.kelvin_voigt.{name}: cracked bodies are damped everywhere; leave it out")
         chosen = np.ones(len(model.bodies.cell_body), dtype=bool)
+    elif given.beta_2 is not None:
+        chosen = np.ones(len(model.bodies.cell_body), dtype=bool)
     elif given.bodies is not None:
         chosen = np.isin(model.bodies.cell_body, _numbers(model, "damping.kelvin_voigt.bodies", given.bodies))
     elif not points:
@@ -44,8 +47,10 @@ def viscous_layer(model: System, case: Case) -> Viscosity | None:
             f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
             if given.thickness is not None else "damping.kelvin_voigt.bodies: name a body at least"
         )
-    stable = 2 / highest_frequency(model)
-    eta = given.eta or parallel.three_digits(given.fraction * stable)
+    if given.beta_2 is not None:
+        eta = (given.beta_2 - 0.5) * _damped_step(model, case.stepper, given.beta_2)
+    else:
+        eta = given.eta or parallel.three_digits(given.fraction * 2 / highest_frequency(model))
     bulk, rotates = replace(model.bulk, only=chosen, large_rotations=False), model.bulk.large_rotations
     touched = np.zeros(model.nodes, dtype=bool)
     owned = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
@@ -59,6 +64,22 @@ def viscous_layer(model: System, case: Case) -> Viscosity | None:
             "'matrix_free'"
         )
     return Viscosity(eta, bulk, operator, touched, everywhere=model.cracks is not None, rotates=rotates)
+
+
+def _damped_step(model: System, stepper: Stepper, beta_2: float) -> float:
+    """Return the time step that a stepper takes with the numerical damping of `beta_2` [s].
+
+    With eta = k dt, k = beta_2 - 1/2, its rule dt = safety eta (sqrt(1 + (dt_c / eta)^2) - 1) can be solved for dt.
+    """
+    step, safety = getattr(stepper, "time_step", None), getattr(stepper, "safety", None)
+    if step is not None:
+        return float(step)
+    if safety is None:
+        raise CaseError(
+            f"damping.kelvin_voigt.beta_2: stepper '{stepper.kind}' has no time step that stability sets; give eta"
+        )
+    part = beta_2 - 0.5
+    return float(stable_time_step(model) / (part * np.sqrt((1 + 1 / (part * safety)) ** 2 - 1)))
 
 
 def _numbers(model: System, key: str, names: list[str]) -> list[int]:

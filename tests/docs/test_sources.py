@@ -18,7 +18,9 @@ CHECKOUT = Path(__file__).parents[2]
 DOCS = CHECKOUT / "docs"
 AGREES = ("yes", "in part", "no", "not done")
 ROWS = [pytest.param(row, id=f"{name}-{number}") for name, rows in sources().items() for number, row in enumerate(rows)]
-SAVED: list[Row] = []
+# Rows of the other documents have numbers of tests and of papers in their text.
+SAVED = [pytest.param(row, id=f"{name}-{number}") for name in ("lecture", "rough_interfaces", "slow_friction")
+         for number, row in enumerate(sources()[name])]  # fmt: skip
 
 
 @pytest.mark.parametrize("row", ROWS)
@@ -37,7 +39,7 @@ def test_a_row_has_a_command_that_exists_or_says_what_is_missing(row: Row) -> No
 
 @pytest.mark.parametrize("row", SAVED)
 def test_a_number_of_a_row_is_saved_by_a_run(row: Row) -> None:
-    """Text has no digits of its own: a number stands for one of a file, an input or a formula in backticks, or a name."""
+    """Text has no digits of its own: numbers are names of saved ones, or inputs and formulas in backticks."""
     numbers = json.loads((DOCS / "pictures" / "numbers.json").read_text(encoding="utf-8"))
     for name, wanted in re.findall(r"\[\[(.+?)\|(.+?)\]\]", row.computed):
         if name.endswith((".py", ".toml")):
@@ -57,7 +59,7 @@ def test_the_page_has_a_table_of_every_document() -> None:
 
 
 def test_demos_of_a_document_are_found_with_all_files_they_need() -> None:
-    """The chain and the pushed block with their cases, and what the mode map of the lecture runs; granite is no part."""
+    """The chain and the pushed block with their cases, and what the mode map of the lecture runs; no granite."""
     second = {path.name for path in files_of("001", CHECKOUT / "demos")}
     assert {"spring_block.toml", "pushed_block.toml"} <= second
     assert second == {path.name for path in files_of("slip_sequences", CHECKOUT / "demos")}

@@ -1,5 +1,7 @@
 """Demos that are scripts."""
 
+import json
+import re
 import runpy
 from pathlib import Path
 
@@ -8,6 +10,7 @@ import pytest
 from helpers import synthetic
 
 import ruptfx
+from ruptfx import RuptfxError, read_case
 from ruptfx.results import plots
 from ruptfx.results.analysis import summarise
 from ruptfx.results.record import Record
@@ -35,6 +38,25 @@ def test_shear_impact_tells_a_speed_only_where_there_is_one(field, said, tmp_pat
         monkeypatch.chdir(tmp_path)
         runpy.run_path(str(DEMOS / "shear_impact.py"))
     assert f"leading tip:  {said}" in capsys.readouterr().out
+
+
+def test_the_container_and_make_demo_draw_the_pictures_of_the_main_script(tmp_path, monkeypatch):
+    """All three run the same case; the script is run on two ranks by its reader."""
+    cases = []
+
+    def stand_in(case, out, overwrite):
+        cases.append(case)
+        raise RuptfxError("no run is needed")
+
+    monkeypatch.setattr(ruptfx, "simulate", stand_in, raising=False)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RuptfxError, match="no run is needed"):
+        runpy.run_path(str(DEMOS / "shear_impact.py"))
+    root = DEMOS.parent
+    image = json.loads(re.search(r"(?m)^CMD (.*)$", (root / "Dockerfile").read_text())[1])
+    make = re.search(r"ruptfx (run demos/\S+ --ranks 2)", (root / "Makefile").read_text())[1].split()
+    assert image[1:5] == make and "--set" not in image
+    assert cases[0].table() == read_case(root / image[2]).table()
 
 
 @pytest.mark.fem

@@ -10,8 +10,10 @@ from helpers.small_cases import HOMALITE, plates
 
 pytest.importorskip("dolfinx")
 
+from ruptfx import RuptfxError
 from ruptfx.bodies.operators import matrix_free
 from ruptfx.bodies.operators.matrix_free import MatrixFree
+from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import Case, parse_case
 from ruptfx.interfaces.mechanisms.viscosity import KelvinVoigt, ViscousLayer
 from ruptfx.platform import fem
@@ -65,6 +67,27 @@ def test_in_the_sweep_and_apart_are_equal(monkeypatch: pytest.MonkeyPatch, chang
         found.append([np.array([*energies.values()]), displacement])
     for fused, apart in zip(*found, strict=True):
         np.testing.assert_allclose(fused, apart, rtol=1e-9, atol=1e-11 * np.abs(apart).max())
+
+
+@pytest.mark.parametrize("stepper", [{}, {"safety": 1.0}, {"time_step": 2e-8}])
+def test_the_damping_of_newmark_steps_is_that_of_their_time_step(stepper: dict[str, Any]) -> None:
+    """With gamma = 0.6 the viscosity is a tenth of the step; the largest step is sqrt(1 / 1.2) of the usual one."""
+    table = plates({"plane": "strain", "boundaries": [PUSH], "mesh.element_size": 5e-4})
+    usual = Model(parse_case(table), fem.MPI.COMM_WORLD)
+    table["damping"] = {"kelvin_voigt": {"beta_2": 0.6}}
+    table["stepper"] = {"kind": "leapfrog", **stepper}
+    case = parse_case(table)
+    model = Model(case, fem.MPI.COMM_WORLD)
+    dt = case.stepper.bind(model).dt
+    assert model.viscosity is not None and model.viscosity.nodes.all()
+    assert model.viscosity.eta == pytest.approx(0.1 * dt, rel=5e-3)  # the step is rounded down to three digits
+    if stepper == {"safety": 1.0}:
+        assert stable_time_step(model) == pytest.approx(stable_time_step(usual) / np.sqrt(1.2), rel=1e-9)
+
+
+def test_the_damping_of_newmark_steps_is_given_alone() -> None:
+    with pytest.raises(RuptfxError, match=r"beta_2 = 0.6.*remove eta, bodies"):
+        parse_case(plates({"damping.kelvin_voigt": {"beta_2": 0.6, "eta": 1e-8, "bodies": ["lower"]}}))
 
 
 def test_steps_for_inserted_sweeps_need_their_force() -> None:

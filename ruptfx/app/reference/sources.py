@@ -23,7 +23,8 @@ class Row:
         Command that computes it here; empty if there is none.
     printed, computed : str
         Result of the document, and the result here. In the second `[[NAME|NUMBER]]` is a saved number: a check of the
-        benchmark NAME, or a number of the run of the demo NAME, with its ending. Code in backticks has inputs and formulas.
+        benchmark NAME, or a number of the run of the demo NAME, with its ending. Code in backticks has inputs and
+        formulas.
     agrees : str
         Yes, in part, no or not done, and the reason.
     picture : str
