@@ -80,4 +80,5 @@ def files_of(source: str, demos: Path) -> list[Path]:
             # Comments name scripts that use a case; neither needs the other then.
             code = re.sub(r"(?m)^\s*#.*$|\s#.*$", "", known[name].read_text(encoding="utf-8"))
             names += [other for other in known if other in code or f'"{Path(other).stem}"' in code]
+            names += [f"{Path(name).stem}.toml"]  # a script often names its case by its own name
     return sorted(needed.values())
