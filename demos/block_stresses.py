@@ -3,8 +3,8 @@
 #
 # A block is pressed evenly. Poisson's ratio makes it wider, the base does not follow, and so the interface carries
 # shear without any shear force: to the left on one half, to the right on the other. A shear force on the top then
-# shifts that profile, and its torque loads the leading edge and unloads the trailing one. After Ben-David, Cohen and Fineberg
-# (Science 330, 2010, Fig. 1).
+# shifts that profile, and its torque loads the leading edge and unloads the trailing one. After Ben-David, Cohen and
+# Fineberg (Science 330, 2010, Fig. 1).
 #
 # Run with `python demos/block_stresses.py`: seconds. The picture is `runs/block_stresses/figures/profiles.png`.
 

@@ -4,16 +4,17 @@
 # Two bodies of different materials are pressed and sheared; then a part of the interface loses its friction. Between
 # smooth bodies the fronts to the two sides differ; waves of the surfaces can decouple the bodies, so that both sides
 # look alike. Patterns: smooth, waves in phase (the surfaces fit into each other), waves in opposition, one wavy
-# surface. Wavelength, amplitude and length of the nucleation vary, which Di Bartolomeo et al. (ESDA2010-25247) leave to further
-# work. Their Table 1 prints wave speeds that belong to a Poisson ratio of 0.31, not to the printed 0.25: both run.
+# surface. Wavelength, amplitude and length of the nucleation vary, which Di Bartolomeo et al. (ESDA2010-25247) leave to
+# further work. Their Table 1 prints wave speeds that belong to a Poisson ratio of 0.31, not to the printed 0.25: both
+# run.
 #
 # Measure: slip of closed points after the nucleation, to the right less that to the left, over their sum; zero where
 # both sides are alike.
 #
 # "Just less than the shear that slips", as the paper has it, depends on the pattern. Where surfaces touch everywhere it
-# is the shear stress with which the steepest flank carries 0.93 of its strength; contacts of crests are loaded unevenly,
-# and 0.8 of the normal stress is near enough. Loading excites the instability of unlike bodies with Coulomb friction
-# where they touch everywhere; viscosity beside the interface takes it while they are loaded.
+# is the shear stress with which the steepest flank carries 0.93 of its strength; contacts of crests are loaded
+# unevenly, and 0.8 of the normal stress is near enough. Loading excites the instability of unlike bodies with Coulomb
+# friction where they touch everywhere; viscosity beside the interface takes it while they are loaded.
 #
 # Run with `python demos/rough_patterns.py`: 30 runs, some minutes; runs that exist are not run again. The map is
 # `runs/rough_patterns/asymmetry.png`.

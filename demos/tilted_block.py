@@ -47,8 +47,8 @@ for angle in ANGLES:
     records[angle] = simulate(read_case(CASE, changes), out / f"{angle:g}", overwrite=True).interface.load()
 
 # %% [markdown]
-# Forces of the interface, drops of the shear force by more than a tenth of the normal one, and the ratio at the first drop
-# and at its largest.
+# Forces of the interface, drops of the shear force by more than a tenth of the normal one, and the ratio at the first
+# drop and at its largest.
 
 # %%
 numbers, forces = {}, {}
