@@ -34,7 +34,7 @@ for row in rows:
     sigma, tau = row.normal_stress.values, row.shear_traction.values
     F_N, F_S = (float(np.trapezoid(stress, x)) for stress in (sigma, tau))
     torque = float(np.trapezoid(sigma * (x - length / 2), x))
-    name = f"F_S/F_N {F_S / F_N:.2f}"
+    name = f"F_S/F_N {abs(F_S / F_N):.2f}"  # zero may have either sign
     numbers |= {
         f"{name}, {what} at {1e3 * at:.0f} mm over the mean of sigma": float(np.interp(at, x, stress)) * length / F_N
         for what, stress in (("sigma", sigma), ("tau", tau))

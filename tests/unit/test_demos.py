@@ -1,5 +1,6 @@
 """Demos that are scripts."""
 
+import ast
 import json
 import re
 import runpy
@@ -38,6 +39,19 @@ def test_shear_impact_tells_a_speed_only_where_there_is_one(field, said, tmp_pat
         monkeypatch.chdir(tmp_path)
         runpy.run_path(str(DEMOS / "shear_impact.py"))
     assert f"leading tip:  {said}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("path", sorted(DEMOS.glob("*.py")), ids=lambda path: path.stem)
+def test_a_script_speaks_with_one_voice_before_it_computes_or_prints(path):
+    """`begin` silences other ranks; what runs or prints before it would appear once for each rank."""
+    called = [
+        each.func.id for each in sorted(
+            (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)),
+            key=lambda node: node.lineno,
+        ) if isinstance(each.func, ast.Name)
+    ]  # fmt: skip
+    loud = [number for number, name in enumerate(called) if name in ("print", "save", "save_numbers", "main")]
+    assert "begin" in called and called.index("begin") < min(loud, default=len(called))
 
 
 def test_the_container_and_make_demo_draw_the_pictures_of_the_main_script(tmp_path, monkeypatch):

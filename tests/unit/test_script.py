@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ruptfx.app.script import begin, save
+from ruptfx.app.script import begin, save, save_numbers
 
 
 @pytest.fixture
@@ -23,6 +25,7 @@ def test_other_ranks_neither_print_nor_draw(tmp_path: Path, capsys: pytest.Captu
     begin(tmp_path / "run")
     print("once")
     save(Figure(), tmp_path / "picture.png")
+    save_numbers(tmp_path / "run", {"speed": (2.0, "m/s")})
     sys.stdout.close()
     assert not capsys.readouterr().out and not list(tmp_path.iterdir())
 
@@ -41,3 +44,14 @@ def test_the_first_rank_makes_the_folder_and_names_the_picture(
     path = tmp_path / "new" / "picture.png"
     save(Figure(), path)
     assert path.read_bytes()[1:4] == b"PNG" and str(path) in capsys.readouterr().out
+
+
+def test_numbers_are_saved_and_printed_with_their_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OMPI_COMM_WORLD_RANK", raising=False)
+    slip = np.float64(2e-6), "m"
+    save_numbers(tmp_path, {"mode": "crack", "ratio": np.float64(0.25), "slip": slip, "Q": (19, "1/s")})
+    saved = json.loads((tmp_path / "numbers.json").read_text())
+    assert saved == {"mode": "crack", "ratio": 0.25, "slip": [2e-6, "m"], "Q": [19.0, "1/s"]}
+    assert capsys.readouterr().out.splitlines() == ["mode: crack", "ratio: 0.25", "slip: 2 um", "Q: 19 1/s"]
