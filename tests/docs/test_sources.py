@@ -59,9 +59,9 @@ def test_the_page_has_a_table_of_every_document() -> None:
 
 
 def test_demos_of_a_document_are_found_with_all_files_they_need() -> None:
-    """The chain and the pushed block with their cases, and what the mode map of the lecture runs; no granite."""
+    """The chain and the sequence of slips with their cases, and what the mode map of the lecture runs; no granite."""
     second = {path.name for path in files_of("001", CHECKOUT / "demos")}
-    assert {"spring_block.toml", "pushed_block.toml"} <= second
+    assert {"spring_block.toml", "slip_sequence.py", "slip_sequence.toml"} <= second
     assert second == {path.name for path in files_of("slip_sequences", CHECKOUT / "demos")}
     first = {path.name for path in files_of("000", CHECKOUT / "demos")}
     assert {"mode_map.toml", "impact.toml", "lecture_cases.py", "fibre_pull_out.toml", "tilted_block.toml"} <= first
