@@ -204,10 +204,13 @@ def test_examples_pass_ruff_in_their_folders(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_examples_pass_mypy_in_their_folders(tmp_path: Path) -> None:
+def test_examples_pass_mypy_and_the_order_of_imports_in_their_folders(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     in_a_copy(tmp_path, "ruptfx", "tests/benchmarks", "demos")
-    done = python_in(tmp_path, "-m", "mypy", timeout=300)
+    done = python_in(tmp_path, "-m", "mypy", timeout=1200)
+    assert done.returncode == 0, done.stdout
+    layers = "from importlinter.cli import lint_imports_command; lint_imports_command()"
+    done = python_in(tmp_path, "-c", layers, "--no-cache", timeout=300)
     assert done.returncode == 0, done.stdout
 
 
