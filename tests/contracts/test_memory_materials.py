@@ -503,8 +503,7 @@ def test_flow_of_drucker_prager() -> None:
 
 @pytest.mark.parametrize("steps", [1, 7, 200])
 def test_damage_in_uniaxial_strain(steps: int) -> None:
-    """Strain that grows linearly from the strength on, against r' = (tau - r) / T solved to 1e-12: any steps are exact.
-    """
+    """Strain that grows linearly from the strength on, against r' = (tau - r) / T solved to 1e-12."""
     from scipy.integrate import solve_ivp
 
     table = {name: value for name, value in HOMALITE.items() if name != "kind"}

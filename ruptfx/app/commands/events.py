@@ -32,8 +32,8 @@ def events(
     completeness: Annotated[float | None, typer.Option(
         help="Magnitude above which the catalogue is complete; default: the most frequent magnitude.")] = None,
     distances: Annotated[tuple[float, float] | None, typer.Option(
-        help="Smallest and largest distance in m for the fractal dimension; default: for a catalogue 1/30 and 1/3 of "
-             "its narrower extent, for a run two cells and 1/3 of its narrower side.")] = None,
+        help="Smallest and largest distance in m for the fractal dimension; default: for a catalogue 1/30 and 1/3 "
+             "of its narrower extent, for a run two cells and 1/3 of its narrower side.")] = None,
     failure_time: Annotated[float | None, typer.Option(
         help="Time of the failure that follows the events, in s; default: for a run its first stress peak.")] = None,
     link: Annotated[tuple[float, float] | None, typer.Option(

@@ -191,8 +191,7 @@ class Attached(Mechanism, ImplicitForce):
                 values[:] = np.stack([read(name)[self._number] for name in names], axis=1).reshape(values.shape)
 
     def recorded(self, state: State) -> FaultState:
-        """Return the fields at `State.fault_time`, the time of a record; those of the state unless they have another.
-        """
+        """Return the fields at `State.fault_time`, the time of a record; by default those of the state."""
         return self.of(state)
 
     def record(self, state: State) -> Rows:
