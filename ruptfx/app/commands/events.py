@@ -24,8 +24,8 @@ SHOWN = ("time", "duration", "magnitude", "slip", "stress_drop", "strike", "dip"
 
 def events(
     source: Annotated[Path, typer.Argument(
-        help="Directory of a run with fracture or of cycles on surfaces, or a CSV file with the columns time (s), x, y "
-             "(m) and magnitude or energy (J).", show_default=False)],
+        help="Directory of a run with fracture or of cycles on surfaces, or a CSV file with the columns time (s), "
+             "x, y (m) and magnitude or energy (J).", show_default=False)],
     smallest: Annotated[float | None, typer.Option(
         help="Smallest magnitude that counts; default: no limit for a catalogue, -10 for a run.",
         show_default=False)] = None,

@@ -36,7 +36,9 @@ def figures() -> list[str]:
 
 def plot(  # noqa: C901
     run: Annotated[Path, typer.Argument(help="Run or study directory.", autocompletion=runs, show_default=False)],
-    format_: Annotated[list[str], typer.Option("--format", metavar="<png|pdf|svg>", help="File type; repeatable.")] = PNG,
+    format_: Annotated[
+        list[str], typer.Option("--format", metavar="<png|pdf|svg>", help="File type; repeatable.")
+    ] = PNG,
     figure: Annotated[
         list[str] | None,
         typer.Option(help="Only this figure, such as space_time; repeatable.", autocompletion=completed_from(figures)),
