@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ruptfx.platform.fem import MPI
 
 Array = np.ndarray
+Course = Callable[[Array], tuple[Array, Array]]
 
 C_P, RHO = 6000.0, 2700.0
 C_S = {"full": 3464.1, "half": C_P / np.sqrt(3)}
@@ -90,7 +91,8 @@ def recorded(table: Table, point: tuple[float, ...], every: int = 1) -> tuple[Ar
             found.append(state.displacement.reshape(-1, 3)[node].copy())
     energy = model.energies(state)
     work = energy.pop("boundary_work")
-    return np.array(times), np.array(found), abs(1 - sum(energy.values()) / work)
+    largest = max(map(abs, (work, *energy.values())))
+    return np.array(times), np.array(found), abs(work - sum(energy.values())) / largest
 
 
 def course(time: Array) -> tuple[Array, Array]:
@@ -101,9 +103,12 @@ def course(time: Array) -> tuple[Array, Array]:
     return growth, (1 - np.cos(turn * s)) / RISE
 
 
-def full_space(tensor: Array, time: Array, c_p: float = C_P, c_s: float = C_S["full"]) -> Array:
-    """Return the displacement at the receiver by a moment tensor over M_0, shape (times, 3) [m]."""
-    x = np.array(RECEIVER)
+def full_space(
+    tensor: Array, time: Array, c_p: float = C_P, c_s: float = C_S["full"], receiver: Array | tuple = RECEIVER,
+    course: Course = course,
+) -> Array:  # fmt: skip
+    """Return the displacement at a receiver by a moment tensor over M_0 at the origin, shape (times, 3) [m]."""
+    x = np.array(receiver)
     r = float(np.linalg.norm(x))
     g = x / r
     nodes, weights = np.polynomial.legendre.leggauss(200)

@@ -197,6 +197,18 @@ def test_refused(entry: dict[str, Any], reason: str, tmp_path: Path) -> None:
         Model(parse_case(table({"faults.main.prescribed_slip": [entry]}), tmp_path), fem.MPI.COMM_SELF)
 
 
+def test_slip_where_boundaries_drive_both_sides_is_refused() -> None:
+    """The ends of the interface are driven apart at 1 m/s, and slip is 1 um there: slip with the edges is right."""
+    edges = [{"kind": "driven", "edge": f"{body}.left", "component": "x", "velocity": speed}
+             for body, speed in (("upper", 0.5), ("lower", -0.5))]  # fmt: skip
+    slip = {"kind": "ramp", "slip": 1e-6, "rise_time": 1e-6}
+    with pytest.raises(CaseError, match=facts(r"faults.main.prescribed_slip: .* m at time .* s at \(0, 0\) m")):
+        Model(Case.model_validate(table({"boundaries": edges, "faults.main.prescribed_slip": [slip]})))
+    slip = {"kind": "constant_rate", "rate": 1.0}
+    slow = {"boundaries": edges, "faults.main.prescribed_slip": [slip], "stepper": {"kind": "quasi_static"}}
+    assert Model(Case.model_validate(table(slow))).faults[0].is_held.all()
+
+
 def test_creep_begins_at_once_without_inertia() -> None:
     """Nothing radiates there; slip grows at its rate from the first step on."""
     entry = {"kind": "constant_rate", "rate": 0.01}
