@@ -109,7 +109,10 @@ DESCRIPTIONS = {
 }
 """Descriptions by name, in the order of the file; undefined values are null there."""
 
-_UNITS = {"wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s", "seconds": "s", "run_time": "s"}
+_UNITS = {
+    "wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s", "seconds": "s", "run_time": "s",
+    "D_c": "m", "K_c": "N/m", "normal_force": "N", "stiffness": "N/m", "onset_frequency": "Hz",
+}  # fmt: skip
 
 
 def unit(name: str, plane: str = "") -> str:

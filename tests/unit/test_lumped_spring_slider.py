@@ -212,6 +212,20 @@ def test_a_run_leaves_a_complete_directory(tmp_path: Path) -> None:
         redraw(tmp_path)
 
 
+def test_a_run_prints_its_numbers_with_units(tmp_path: Path) -> None:
+    experiment = '{ kind = "velocity_steps", distance = 5e-6, samples = 100 }'
+    text = f'kind = "spring_slider"\nnormal_force = 16.0\nexperiment = {experiment}'
+    (tmp_path / "case.toml").write_text(text)
+    command = ["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "run")]
+    done = CliRunner(env={"COLUMNS": "200"}).invoke(app, command)
+    rows = [line.split() for line in done.output.splitlines()]
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    for name, unit in (("K_c", "N/m"), ("normal_force", "N"), ("onset_frequency", "Hz")):
+        row = next(each for each in rows if each[:1] == [name])
+        assert float(row[1]) == pytest.approx(summary[name], rel=1e-5) and row[2] == unit
+    assert "case_hash" not in done.output
+
+
 def test_resume_keeps_what_is_finished_and_begins_the_rest_again(tmp_path: Path) -> None:
     model, out = SpringSlider(experiment=VelocitySteps(distance=5e-6, samples=100)), tmp_path / "run"
     data = simulate(model, out, resume=True)

@@ -144,8 +144,9 @@ def _show_summary(out: Path, verbose: bool) -> None:
         screen.print(said, style="bold", soft_wrap=True)
     table = Table(show_header=False, box=None, pad_edge=False)
     if verbose or not said:  # lumped models have summaries of their own
+        hidden = () if verbose else ("kind", "case_hash", "ruptfx")
         for key, value in flat(summary).items():
-            if isinstance(value, int | float | str) and not isinstance(value, bool):
+            if isinstance(value, int | float | str) and not isinstance(value, bool) and key not in hidden:
                 table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value), unit(key))
     else:
         for key, text in rows(summary):
