@@ -126,7 +126,7 @@ def test_without_a_checkout_a_message_says_where_the_others_are(
         run_benchmark("list", folder=tmp_path)
     assert says(f"--from {tmp_path}", str(raised.value))
     with pytest.raises(RuptfxError) as raised:
-        run_benchmark("bp2", out=tmp_path, folder=OTHERS)
+        run_benchmark("bp11", out=tmp_path, folder=OTHERS)
     assert "'bp1'" in str(raised.value) and "--from" not in str(raised.value)
 
 
