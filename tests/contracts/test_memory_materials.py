@@ -636,7 +636,7 @@ def test_all_of_the_bulk_modulus_may_relax_and_no_more(part: float, accepted: bo
     if accepted:
         parse_case(plates({"materials.default": material}))
     else:
-        with pytest.raises(Exception, match=facts("exceeds the bulk modulus")):
+        with pytest.raises(Exception, match="bulk_moduli"):
             parse_case(plates({"materials.default": material}))
 
 
