@@ -237,3 +237,56 @@ def test_same_on_any_number_of_ranks(stepper: str) -> None:
     np.testing.assert_allclose(ours[:, 1], theirs[:, 1], rtol=0, atol=1e-18)
     np.testing.assert_allclose(ours[:, 2], theirs[:, 2], rtol=0, atol=1e-9 * np.abs(theirs[:, 2]).max())
     assert work == pytest.approx(alone, rel=1e-9) and work < 0
+
+
+# Two subfaults of 2 x 2 km, slip 1 m each: rake 30 degrees, then 90 (reverse). The second one begins 1 s later.
+SRF = """1.0
+PLANE 1
+ -118 34 2 1 4.0 2.0
+ 0 60 0 0 1
+POINTS 2
+ -118 34 1 0 60 4e10 0.5 0.1
+ 30 100 3 0 0 0 0
+ 250 500 250
+ -118 34 1 0 60 4e10 1.5 0.1
+ 90 100 3 0 0 0 0
+ 250 500 250
+"""
+FSP = """% Mech : STRK = 0  DIP = 60  RAKE = 30  Htop = 0 km
+% Invs : Nx = 2  Nz = 1
+% Invs : Dx = 2.0 km  Dz = 2.0 km
+% LAT LON X==EW Y==NS Z SLIP RAKE TRUP RISE
+ 34 -118 0 1 0 1.0 30 0.5 0.4
+ 34 -118 0 3 0 1.0 90 1.5 0.4
+"""
+
+
+@pytest.mark.parametrize("dip", [60.0, 90.0])
+@pytest.mark.parametrize("kind, text", [("srf", SRF), ("fsp", FSP)])
+def test_finite_faults_are_placed_and_directed(kind: str, text: str, dip: float, tmp_path: Path) -> None:
+    """The strike has the dip to its right: against x where the fault dips to +y, along x on a vertical one.
+
+    Slip of the hanging wall, which is `plus` of the dipping fault, is cos 30 along the strike and sin 30 up dip in the
+    first subfault, and up dip in the second one.
+    """
+    (tmp_path / f"model.{kind}").write_text(text)
+    mesh = {"kind": "box_with_fault", "fault_length": 4e3, "fault_width": 2e3, "element_size": 500.0, "beyond": 1e3,
+            "distance": 1e3, "dip": dip}  # fmt: skip
+    given = table({"mesh": mesh, "faults.main.prescribed_slip": [
+        {"kind": kind, "file": f"model.{kind}"}], "duration": 3.0, "positions": "x"})  # fmt: skip
+    given |= {"plane": "solid", "boundaries": []}
+    fault = Model(parse_case(given, tmp_path), fem.MPI.COMM_SELF).faults[0]
+    slip, face, sign = fault.prescribed, fault.interface, -1.0 if dip == 60 else 1.0
+    assert slip is not None and slip.held.all()
+    x = face.position * sign  # along the strike, from the middle of the model
+
+    def at(place: float, time: float) -> np.ndarray:
+        return np.asarray(slip.slip(time)[np.argmin(np.abs(x - place) + np.abs(face.across - 1e3))])
+
+    # The plus side is the hanging wall of the dipping fault; on the vertical one it is the foot wall.
+    wall = np.array([sign, -1.0]) * (1.0 if dip == 60 else -1.0)
+    np.testing.assert_allclose(at(-1e3, 3.0), wall * (np.sqrt(0.75), 0.5), atol=1e-12)
+    np.testing.assert_allclose(at(1e3, 3.0), wall * (0.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(at(0.0, 3.0), wall * (0.5 * np.sqrt(0.75), 0.75), atol=1e-12)
+    assert not at(-1e3, 0.39).any() and at(-1e3, 0.6).any()  # half-way between both, slip begins half-way in time
+    assert not at(0.0, 0.89).any() and at(0.0, 1.1).any() and not at(1e3, 1.39).any()
