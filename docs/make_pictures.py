@@ -267,7 +267,10 @@ LUMPED = {
     "asperity_population": "population",
 }  # fmt: skip
 """The same of lumped models, which leave their figures in their run directories."""
-ELSEWHERE = {"seismic_cycles": ("cycles", DEMOS / "pictures")}
+ELSEWHERE = {
+    "seismic_cycles": ("cycles", DEMOS / "pictures"), "injection": ("slip_profiles", DEMOS / "pictures"),
+    "thermal_pressurisation": ("slip_profiles", DEMOS / "pictures"),
+}  # fmt: skip
 """Pictures that are kept beside the demos."""
 
 

@@ -35,6 +35,7 @@ DECLARED = {
     "friction": "[faults.main.friction]", "cohesion": "[faults.main.cohesion]", "contact": "[faults.main.contact]",
     "nucleation": "[[faults.main.nucleation]]", "materials": "[materials.default]", "steppers": "[stepper]",
     "cracks": "[fracture]", "stop_rules": "[[stop_when.rules]]", "search_methods": "[search.method]",
+    "pore_pressure": "[[faults.main.pore_pressure]]", "temperature": "[[faults.main.temperature]]",
 }  # fmt: skip
 """Headings of the tables that kinds declare, or that are made from their types."""
 HEADER = re.compile(r"^\[{1,2}([\w.\"-]+)\]{1,2}", re.MULTILINE)
