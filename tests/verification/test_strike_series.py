@@ -24,8 +24,11 @@ from ruptfx.bodies.meshes.two_plates import TwoPlates
 from ruptfx.bodies.state import State
 from ruptfx.case import Case
 from ruptfx.input.schema import CaseError
+from ruptfx.interfaces import section
 from ruptfx.interfaces.section import Section
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.laws.materials.orthotropic_elastic import OrthotropicElastic
+from ruptfx.laws.materials.stiffness import linear_stiffness
 from ruptfx.platform import fem
 from ruptfx.results.record import Record
 from ruptfx.run.model import Model
@@ -49,9 +52,9 @@ def half_space(size: float, order: int) -> Section:
     return Section(mesh, ROCK, order, [*held, *far])
 
 
-def series(section: Section, folder: Path, points: int = 16, compliance: float = 1e-9 / G) -> StrikeSeries:
-    nearly_rigid = np.full((len(section.faces["main"].plus), 3), compliance)
-    return StrikeSeries(section, ["main"], nearly_rigid, 2 * np.pi, points, fem.MPI.COMM_WORLD, folder)
+def series(bodies: Section, folder: Path, points: int = 16, compliance: float = 1e-9 / G) -> StrikeSeries:
+    nearly_rigid = np.full((len(bodies.faces["main"].plus), 3), compliance)
+    return StrikeSeries(bodies, ["main"], nearly_rigid, 2 * np.pi, points, fem.MPI.COMM_WORLD, folder)
 
 
 @pytest.mark.parametrize(("q", "k"), [(0, 2), (0, 5), (np.pi, 2), (np.pi, 5), (2 * np.pi, 1)])
@@ -102,8 +105,8 @@ def test_reciprocity_between_unlike_bodies(tmp_path: Path) -> None:
     soft = IsotropicElastic(young_modulus=30e9, poisson_ratio=0.3, density=2500.0)
     bodies = {"upper": ROCK["default"], "lower": soft}
     held = [Driven(edge=edge, component=axis, velocity=0.0) for edge in ("upper.top", "lower.bottom") for axis in "xyz"]
-    section = Section(TwoPlates(length=1.0, height=1.0, element_size=0.25), bodies, 2, held)
-    K = series(section, tmp_path, 9)
+    plates = Section(TwoPlates(length=1.0, height=1.0, element_size=0.25), bodies, 2, held)
+    K = series(plates, tmp_path, 9)
     one, other = np.random.default_rng(2).normal(size=(2, 9, K.size, 2))
     weight = K.weight[::3, None]
     products = [np.sum(weight * a * K.traction(b)[..., 1:]) for a, b in ((one, other), (other, one))]
@@ -249,6 +252,19 @@ def test_check_says_wavenumbers_and_memory() -> None:
     assert rows["mesh.along_strike: matrices"].value == 9 * 4 * 9**2 * 8
     near = rows["mesh.along_strike: gap between images"]
     assert near.value == 3.0 and near.verdict == "warning"  # 4 m down dip
+
+
+def test_refuses_a_material_whose_strains_along_z_and_across_it_are_coupled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An orthotropic one has the axis z; the same with a stiffness between yy and yz has not."""
+    wood = OrthotropicElastic(E_1=12e9, E_2=1e9, nu_12=0.3, nu_23=0.3, G_12=0.8e9, density=600.0, angle=0.5)
+    held = [Driven(edge="upper.top", component=axis, velocity=0.0) for axis in "xyz"]
+    mesh = HalfPlate(length=1.0, height=1.0, element_size=0.5)
+    Section(mesh, {"default": wood}, 1, held)
+    stiffness = linear_stiffness(wood, "solid").copy()
+    stiffness[1, 1, 1, 2] = stiffness[1, 2, 1, 1] = 0.1 * stiffness.max()
+    monkeypatch.setattr(section, "linear_stiffness", lambda *_: stiffness)
+    with pytest.raises(CaseError, match=r"materials\.upper.*0\.1 of the largest"):
+        Section(mesh, {"default": wood}, 1, held)
 
 
 def test_refuses_pressed_edges() -> None:
