@@ -390,6 +390,8 @@ COMMANDS = (
             ("run demos/impact.toml --out run --set mesh.element_size=2e-3 --set output.bulk_interval=2e-6 "
              "--set output.figures=false",)),
     Command("run demos/stick_slip.toml --out run", {"stick_slip": "cycles"}, DEMOS / "pictures"),
+    Command("events run", {"seismic_cycles_3d": "catalogue"}, DEMOS / "pictures",
+            ("run demos/seismic_cycles_3d.toml --out run",)),
     Command("run demos/strike_slip_3d.toml --out run", {"strike_slip_3d": "rupture_map"}),
     Command("run demos/strike_slip_3d.toml --out run --set mesh.element_size=2e3",
             {"strike_slip_ground": "ground_motion"}),

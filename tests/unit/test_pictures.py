@@ -95,6 +95,6 @@ def test_commands_of_pictures_name_what_exists(make_pictures: ModuleType) -> Non
         elif first in ("study", "mesh"):
             assert (ROOT / words[0]).is_file(), line
         else:
-            assert first in ("compare", "movie"), line
+            assert first in ("compare", "events", "movie"), line
     figures = {*make_pictures.FIGURES.values(), *(figure for figure, _ in make_pictures.ELSEWHERE.values())}
     assert figures <= plots.FIGURES.keys()
