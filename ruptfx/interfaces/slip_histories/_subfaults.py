@@ -128,8 +128,10 @@ class FiniteFault(SlipHistory):
         (begin, forward), (down, along) = strike, model.rake.shape
         length, deep = along * model.length, self.dip + down * model.width
         first, last = (begin, begin + length) if forward else (begin - length, begin)
-        # The rim of a fault that ends inside of the bodies is welded: a subfault is inside if its middle is.
-        along_slack, down_slack = 0.5 * model.length, 0.5 * model.width
+        # The rim of a fault that ends inside of the bodies is welded, and its last points are a spacing away from it. A
+        # subfault is inside if its middle is.
+        spacing = float(np.sqrt(face.area.max(initial=0.0)))
+        along_slack, down_slack = max(0.5 * model.length, spacing), max(0.5 * model.width, spacing)
         if (
             first < face.line.first - along_slack or last > face.line.last + along_slack
             or self.dip < -down_slack or deep > width + down_slack
