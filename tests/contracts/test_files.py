@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,11 @@ def grid(name: str, **dims: list[float]) -> Callable[[Path], dict[str, Path]]:
     return write
 
 
+def example(cls: Any) -> Any:
+    """The example of an alternative as a table."""
+    return tomllib.loads(f"example = {cls.example}")["example"]
+
+
 def scripts(folder: Path) -> dict[str, Path]:
     """A script that includes another one, and its file of options."""
     (folder / "mesh.geo").write_text('Include "inner.geo";\n')
@@ -59,7 +65,10 @@ def scripts(folder: Path) -> dict[str, Path]:
     return {name: folder / name for name in ("mesh.geo", "inner.geo", "mesh.geo.opt")}
 
 
-def tables() -> dict[str, tuple[dict[str, Any], Callable[[Path], dict[str, Path]]]]:
+Rows = dict[str, tuple[dict[str, Any], Callable[[Path], dict[str, Path]]]]
+
+
+def tables() -> Rows:
     """Cases and writers of their files, by class and key."""
     law = "faults.main.friction"
     traces = {"kind": "traces", "instrument": "fault", "file": "t.csv", "sigma": 1e-6}
@@ -68,21 +77,36 @@ def tables() -> dict[str, tuple[dict[str, Any], Callable[[Path], dict[str, Path]
     table = {"kind": "coulomb", "mu_d": {"kind": "table", "file": "p.csv"}}
     surface = {"kind": "coulomb", "mu_d": {"kind": "surface_table", "file": "s.csv"}}
     trace = "time,drive_speed,friction\n" + "".join(f"{i},1e-6,0.6\n" for i in range(20))
+    known = "time (us),x (mm),{0}\n" + "".join(f"{t},{x},{{1}}\n" for t in (0, 9) for x in (-1, 20))
+    fields: Rows = {f"{name}.Given.file": (plates({f"faults.main.{name}": {"kind": "given", "file": "f.csv"}}),
+                                     text("f.csv", known.format(f"{name} ({unit})", value)))
+              for name, unit, value in (("pore_pressure", "MPa", 1), ("temperature", "K", 300))}  # fmt: skip
+    histories: Rows = {}
+    for cls in alternatives("ruptfx.interfaces.slip_histories").values():
+        for name, content in cls.files_of_example.items():
+            row = plates({"faults.main.prescribed_slip": [example(cls)]}), text(name, content)
+            histories[f"slip_histories.{cls.__name__}.file"] = row
+    well = example(alternatives("ruptfx.interfaces.pore_pressure")["diffusion"])
+    well["wells"] = [{"center": 0.0, "file": "q.csv"}]
     height = "".join(f"{(-1) ** i}e-6\n" for i in range(9))
+    modulus = {"kind": "grid", "file": "E.nc", "variable": "E"}
+    moves = "x (mm),y (mm),displacement_x (um)\n5,1,0\n"
     return {
-        "GmshFile.file": (plates({"mesh": MESH}), scripts),
-        "Grid.file": (plates({"materials.default.young_modulus": {"kind": "grid", "file": "E.nc", "variable": "E"}}),
+        "meshes.GmshFile.file": (plates({"mesh": MESH}), scripts),
+        "profiles.Grid.file": (plates({"materials.default.young_modulus": modulus}),
                       grid("E.nc", x=[0.0, 0.012], y=[-0.01, 0.01])),
-        "Fit.trace": ({**SLIDER, "experiment": {"kind": "fit", "trace": "f.csv"}}, text("f.csv", trace)),
-        "Surface.profile": ({"kind": "maxwell_slip", "surfaces": [{"name": "a", "profile": "z.txt"}]},
+        "spring_slider.Fit.trace": ({**SLIDER, "experiment": {"kind": "fit", "trace": "f.csv"}}, text("f.csv", trace)),
+        "maxwell_slip.Surface.profile": ({"kind": "maxwell_slip", "surfaces": [{"name": "a", "profile": "z.txt"}]},
                             text("z.txt", height)),
-        "Table.file": (plates({law: table}), text("p.csv", "x,mu\n-1,0.5\n1,0.6\n")),
-        "SurfaceTable.file": (plates({law: surface}), text("s.csv", "0,0,1\n1,0,1\n0,1,1\n1,1,1\n")),
-        "Moved.file": (plates({"boundaries": [moved]}), text("v.csv", "time (us),v (m/s)\n0,0\n20,5\n")),
-        "Traces.file": (plates({"instruments": [GAUGE], "objective": [traces]}),
+        "profiles.Table.file": (plates({law: table}), text("p.csv", "x,mu\n-1,0.5\n1,0.6\n")),
+        "profiles.SurfaceTable.file": (plates({law: surface}), text("s.csv", "0,0,1\n1,0,1\n0,1,1\n1,1,1\n")),
+        "boundaries.Moved.file": (plates({"boundaries": [moved]}), text("v.csv", "time (us),v (m/s)\n0,0\n20,5\n")),
+        "misfits.Traces.file": (plates({"instruments": [GAUGE], "objective": [traces]}),
                         text("t.csv", "time (us),slip (um)\n1,0\n2,0\n")),
-        "DisplacementField.file": (plates({"objective": [field]}), text("u.csv", "x (mm),y (mm),displacement_x (um)\n"
-                                                                          "5,1,0\n")),
+        "misfits.DisplacementField.file": (plates({"objective": [field]}), text("u.csv", moves)),
+        "pore_pressure.Well.file": (plates({"faults.main.pore_pressure": well}),
+                                    text("q.csv", "time (d),rate (L/min)\n0,0\n1,2\n")),
+        **fields, **histories,
     }  # fmt: skip
 
 
@@ -104,13 +128,15 @@ def keys_of_files() -> Iterator[str]:
                 continue
             said = descriptions(cls).get(key, "").partition(".")[0]
             if key == "file" or has_mark(cls, key, RunFile) or "file" in said:
-                yield f"{cls.__name__}.{key}"
+                *_, folder, file = cls.__module__.split(".")
+                if not file.startswith("_"):  # what several kinds share
+                    yield f"{folder}.{cls.__name__}.{key}"
 
 
 def test_every_key_that_names_a_file_has_a_case_here() -> None:
     # `data`, `variable` and `names` tell of the file of another key; files of a study are no keys of a run.
-    others = {"Traces.data", "SurfaceTable.variable", "GmshFile.names"}
-    assert {key for key in keys_of_files() if not key.startswith("Study.")} - others == set(TABLES)
+    others = {"misfits.Traces.data", "profiles.SurfaceTable.variable", "meshes.GmshFile.names"}
+    assert {key for key in keys_of_files() if ".Study." not in key} - others == set(TABLES)
 
 
 @pytest.mark.parametrize("key", TABLES)
