@@ -24,6 +24,7 @@ demo: env ## the main job on two ranks, with pictures in runs/demo/figures
 
 lint: env ## style, types, import contract
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 

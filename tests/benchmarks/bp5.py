@@ -132,6 +132,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     course, model = march(case, events)
     fault = model.faults[0]
     z, depth = fault.interface.position, fault.interface.across
+    assert depth is not None
     at = int(np.argmin(np.abs(z - 20e3) + np.abs(depth - 10e3)))  # in the core, away from the square
     carried = SIGMA * A * np.arcsinh(V_P / (2 * V_0) * np.exp((F_0 + B * np.log(V_0 / V_P)) / A))
     checks = [

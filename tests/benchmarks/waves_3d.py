@@ -104,8 +104,8 @@ def course(time: Array) -> tuple[Array, Array]:
 
 
 def full_space(
-    tensor: Array, time: Array, c_p: float = C_P, c_s: float = C_S["full"], receiver: Array | tuple = RECEIVER,
-    course: Course = course,
+    tensor: Array, time: Array, c_p: float = C_P, c_s: float = C_S["full"],
+    receiver: Array | tuple[float, ...] = RECEIVER, course: Course = course,
 ) -> Array:  # fmt: skip
     """Return the displacement at a receiver by a moment tensor over M_0 at the origin, shape (times, 3) [m]."""
     x = np.array(receiver)
