@@ -1,5 +1,7 @@
 """Slip whose rate is half a period of a cosine squared."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from ruptfx.plugin import Duration, History, Interface, SlipHistory, VaryingHeight, evaluate
@@ -8,6 +10,7 @@ from ruptfx.plugin import Duration, History, Interface, SlipHistory, VaryingHeig
 class HalfCosine(SlipHistory):
     """Slip that grows as t - sin(2 pi t) / (2 pi), t from 0 to 1 over the rise time."""
 
+    example: ClassVar[str] = '{ kind = "half_cosine", slip = 1e-6, rise_time = 2e-6 }'
     slip: VaryingHeight
     """Final slip along the first tangent."""
     rise_time: Duration
