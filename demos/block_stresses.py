@@ -55,7 +55,7 @@ def profiles():
     """Normal and shear stress along the interface, for growing shear forces."""
     figure, (axes,) = new_figure(1, 2, 3.0)
     for number, row in enumerate(rows):
-        colour, dashes = (("0.4", "--") if number == 0 else (TIME_MAP(number / len(rows)), "-"))
+        colour, dashes = ("0.4", "--") if number == 0 else (TIME_MAP(number / len(rows)), "-")
         ratio = float(np.trapezoid(row.shear_traction, x) / np.trapezoid(row.normal_stress, x))
         axes[0].plot(1e3 * x, row.normal_stress / 1e6, dashes, color=colour, label=f"{abs(ratio):.2f}")
         axes[1].plot(1e3 * x, row.shear_traction / 1e6, dashes, color=colour)

@@ -32,9 +32,7 @@ begin(out)
 case = read_case(CASE)
 law, matrix, mesh = case.faults["main"].friction, case.materials["matrix"], case.mesh
 pressure = case.faults["main"].initial_stress.normal
-bar = ShearLag(
-    mesh.radius, mesh.outer_radius, LONG, case.materials["fibre"].young_modulus, matrix.shear_modulus
-)
+bar = ShearLag(mesh.radius, mesh.outer_radius, LONG, case.materials["fibre"].young_modulus, matrix.shear_modulus)
 critical = bar.critical_length(pressure * (law.b - law.a) / law.D_c)
 print(f"critical length by shear lag: {1e3 * critical:.1f} mm")
 

@@ -152,8 +152,12 @@ def boundaries():
         failed = np.array([sum(pair == name for pair in each.values()) for name in names])
         ax.bar(np.arange(6) + 0.13 * (number - 2.5), 100 * failed / count, 0.12, label=f"{pressure:g} MPa",
                color=str(0.8 - 0.13 * number))  # fmt: skip
-        print(f"{pressure:g} MPa, % of facets that failed: " + ", ".join(
-            f"{name} {part:.2g} ({n})" for name, part, n in zip(names, 100 * failed / count, failed, strict=True)))
+        print(
+            f"{pressure:g} MPa, % of facets that failed: "
+            + ", ".join(
+                f"{name} {part:.2g} ({n})" for name, part, n in zip(names, 100 * failed / count, failed, strict=True)
+            )
+        )
     ax.hlines(100 * always / count, np.arange(6) - 0.4, np.arange(6) + 0.4, color=COLOURS["tensile"], lw=1.2)
     ax.set_xticks(range(6), [f"{name}\n({n} facets)" for name, n in zip(names, count, strict=True)], fontsize=6)
     ax.set(ylabel="Failed before the first peak (%)")
@@ -201,8 +205,10 @@ def windows(record):
         ax.set_title(f"{1e3 * start:g} to {1e3 * end:g} mm, {here.sum()}\n" + " / ".join(f"{s:.1%}" for s in shares),
                      fontsize=7)  # fmt: skip
         left.axvline(1e3 * start, color="#b0b0b0", lw=0.6)
-        print(f"{1e3 * start:g} to {1e3 * end:g} mm: {here.sum()} events, " + ", ".join(
-            f"{mode} {share:.1%}" for mode, share in zip(MODES, shares, strict=True)))
+        print(
+            f"{1e3 * start:g} to {1e3 * end:g} mm: {here.sum()} events, "
+            + ", ".join(f"{mode} {share:.1%}" for mode, share in zip(MODES, shares, strict=True))
+        )
     letter(figure.axes)
     return figure
 

@@ -34,8 +34,10 @@ def run(angle, pressure=10e6, size=2.5e-3):
     pair = {"point": (place + across).tolist(), "relative_to": (place - across).tolist(), "direction": along.tolist()}
     case = read_case(CASE, overrides=["output.figures=false", "output.bulk_interval=60e-6"])
     for key, value in {
-        "mesh.inclination": np.radians(angle), "mesh.element_size": size,
-        "faults.main.initial_stress.tensor": [0.0, -pressure, 0.0], "faults.main.nucleation.0.drop": 0.72 * pressure,
+        "mesh.inclination": np.radians(angle),
+        "mesh.element_size": size,
+        "faults.main.initial_stress.tensor": [0.0, -pressure, 0.0],
+        "faults.main.nucleation.0.drop": 0.72 * pressure,
         **{f"instruments.0.{name}": value for name, value in pair.items()},
     }.items():
         case = case.changed(key, value)

@@ -68,8 +68,11 @@ random = np.random.default_rng(0)
 position = np.linspace(0, 4e-3, 4000)
 waviness = 3e-6 * np.sin(2 * np.pi * position / 2e-3)
 np.savetxt(
-    out / "profile.csv", np.column_stack([position, waviness + 0.25e-6 * random.standard_normal(4000)]) * 1e6,
-    delimiter=",", header="x [um],z [um]", comments="",
+    out / "profile.csv",
+    np.column_stack([position, waviness + 0.25e-6 * random.standard_normal(4000)]) * 1e6,
+    delimiter=",",
+    header="x [um],z [um]",
+    comments="",
 )
 mine = MaxwellSlip(
     alphas=[20.0],

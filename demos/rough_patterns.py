@@ -118,9 +118,9 @@ def asymmetries():
     rows = [(wave, steep) for wave in WAVES for steep in STEEP]
     for ax, pattern in zip(axes, PATTERNS, strict=True):
         smooth = pattern == "smooth"
-        values = np.array([
-            [found[pattern, *((WAVES[0], STEEP[1]) if smooth else row), patch] for patch in PATCHES] for row in rows
-        ])
+        values = np.array(
+            [[found[pattern, *((WAVES[0], STEEP[1]) if smooth else row), patch] for patch in PATCHES] for row in rows]
+        )
         shown = ax.imshow(values, origin="lower", cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
         for (row, column), value in np.ndenumerate(values):
             if not smooth or row == 0:

@@ -223,8 +223,9 @@ def chamfered_block() -> Figure:
                 for ax, values in zip(axes[:3, column], (1e-6 * stress["xx"], -1e-6 * pressure, ratio), strict=True):
                     ax.plot(1e3 * x, values, color=colour, label=text)
             axes[3, column].plot(1e3 * x, 1e3 * arrival, ".", ms=3, color="black")
-            axes[0, column].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=6,
-                                   title=f"pressed {name}ly", title_fontsize=7)
+            axes[0, column].legend(
+                loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=6, title=f"pressed {name}ly", title_fontsize=7
+            )
             axes[3, column].set_xlabel("x (mm)")
     axes[0, 0].set_ylim(-8, 2)
     axes[1, 0].set_ylim(-12, 0)

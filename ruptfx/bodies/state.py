@@ -56,9 +56,7 @@ class State:
     faults: dict[str, FaultState]
     time: float = 0.0
     step: int = 0
-    energy: dict[str, float] = field(
-        default_factory=lambda: dict.fromkeys(ACCUMULATED, 0.0)
-    )
+    energy: dict[str, float] = field(default_factory=lambda: dict.fromkeys(ACCUMULATED, 0.0))
     fields: dict[str, np.ndarray] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     wants_energies: bool = False

@@ -55,9 +55,7 @@ class NodalFields:
         self._sum_over_ranks(vector)
         return np.asarray(sums / self._volume)
 
-    def states(
-        self, names: Sequence[str], displacement: np.ndarray, state: State
-    ) -> dict[str, np.ndarray]:
+    def states(self, names: Sequence[str], displacement: np.ndarray, state: State) -> dict[str, np.ndarray]:
         """Return recorded states by name, shape (nodes,), averaged over the elements that have them; collective.
 
         NaN at the nodes of bodies without them.

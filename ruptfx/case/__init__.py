@@ -107,8 +107,7 @@ class FaultCase(Part):
             raise ValueError("friction: missing; give a law, or all of the slip in prescribed_slip")
         if self.friction is None and self.nucleation:
             raise ValueError(
-                "nucleation: loads or weakens friction, and there is no law; give friction, too, or remove "
-                "it"
+                "nucleation: loads or weakens friction, and there is no law; give friction, too, or remove it"
             )
         return self
 

@@ -142,7 +142,7 @@ def _rotations(case: Case) -> Messages:
     if case.large_rotations and case.faults and case.plane != "solid":  # refused by `support.py`
         yield (
             f"large_rotations: faults.{next(iter(case.faults))} keeps the direction that it has in the mesh; leave "
-            "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
+            'one of them out, or make the interface a contact of two bodies, [fracture.pairs."BODY-OTHER"]'
         )
 
 
@@ -260,8 +260,7 @@ def _stressed_materials(case: Case) -> Messages:
     for name in yields:
         if getattr(case.materials[name], "initial_stress", None) is not None:
             yield (
-                f"materials.{name}.initial_stress: [initial_stress] gives the stress of the bodies; remove one of "
-                "them"
+                f"materials.{name}.initial_stress: [initial_stress] gives the stress of the bodies; remove one of them"
             )
     if yields and case.initial_stress is not None and not case.initial_stress.has_six:
         yield f"initial_stress.tensor: materials.{yields[0]} depends on 6 components; give xx, yy, zz, xy, yz, xz"

@@ -458,4 +458,3 @@ def _is_at_home(cls: type) -> bool:
     package = home(cls)
     offered = installed(package).get(kind_in(cls)) if package else None
     return offered is not None and offered.module == cls.__module__
-

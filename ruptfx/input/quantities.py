@@ -40,9 +40,7 @@ _SYMBOLS: dict[str, tuple[Fraction, dict[str, int]]] = {
 }
 _MICROSTRAIN = ("microstrain", "ustrain", "µstrain", "μstrain", "ue", "µε", "με")
 # Exponents are short: a power of ten with a million digits takes minutes, and floats end at 1e308.
-_QUANTITY = re.compile(
-    r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)(?![eE]?[+-]?\d)\s*([^\d\s.].*?|1/.*?)\s*"
-)
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)(?![eE]?[+-]?\d)\s*([^\d\s.].*?|1/.*?)\s*")
 _FACTOR = re.compile(r"([A-Za-zµμε%]+|1)\^?(-?\d{1,2})?")
 
 
@@ -156,8 +154,10 @@ def _symbol(name: str) -> tuple[Fraction, dict[str, int]]:
     if name[0] in _PREFIXES and name[1:] in _SYMBOLS and name[1:] not in ("%", "1", "min", "d", "yr", "deg", "t"):
         scale, base = _SYMBOLS[name[1:]]
         return _PREFIXES[name[0]] * scale, base
-    raise ValueError(f"unknown unit '{name}'; known: {', '.join(_SYMBOLS)}, n, u, m, c, k, M, G before "
-                     "them, and microstrain (ustrain, ue)")
+    raise ValueError(
+        f"unknown unit '{name}'; known: {', '.join(_SYMBOLS)}, n, u, m, c, k, M, G before "
+        "them, and microstrain (ustrain, ue)"
+    )
 
 
 def with_prefix(value: float, unit: str, digits: int = 3) -> str:

@@ -135,8 +135,7 @@ def check_tables(table: Mapping[str, object]) -> None:
         key, depth, value = todo.pop()
         if depth > MAX_DEPTH:
             raise CaseError(
-                f"{shown_key(key[1:])}: nested more than {MAX_DEPTH} levels deep; use fewer tables in "
-                "tables"
+                f"{shown_key(key[1:])}: nested more than {MAX_DEPTH} levels deep; use fewer tables in tables"
             )
         if isinstance(value, int) and not -(2**63) <= value < 2**63:
             raise CaseError(f"{shown_key(key[1:])}: an integer of {value.bit_length()} bits, must have at most 63")
@@ -219,8 +218,7 @@ def set_key(table: Table, key: str, value: object) -> None:
             node[last] = value
     except (ValueError, IndexError, TypeError, AttributeError):
         raise CaseError(
-            f"{shown_key(key)}: does not lead to a value of the case; write keys and numbers of list entries with "
-            "dots"
+            f"{shown_key(key)}: does not lead to a value of the case; write keys and numbers of list entries with dots"
         ) from None
 
 

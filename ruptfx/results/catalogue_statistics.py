@@ -18,8 +18,11 @@ LARGEST_MARK = 60.0  # points^2
 
 @styled
 def catalogue_statistics(
-    catalogue: Catalogue, b: BValue | RuptfxError, D: FractalDimension | RuptfxError | None,
-    p: Omori | RuptfxError | None = None, failure_time: float | None = None,
+    catalogue: Catalogue,
+    b: BValue | RuptfxError,
+    D: FractalDimension | RuptfxError | None,
+    p: Omori | RuptfxError | None = None,
+    failure_time: float | None = None,
 ) -> Figure:
     """Draw positions, magnitudes, spatial correlation and rate of events.
 
@@ -40,8 +43,11 @@ def catalogue_statistics(
     rates(axes[1, 1], catalogue, p, failure_time)
     letter(axes.flat)
     M = catalogue.magnitude
-    remark(figure, f"{len(catalogue)} events of magnitude {M.min():.3g} to {M.max():.3g}; circles grow with magnitude, "
-                   "bars are standard errors.")
+    remark(
+        figure,
+        f"{len(catalogue)} events of magnitude {M.min():.3g} to {M.max():.3g}; circles grow with magnitude, "
+        "bars are standard errors.",
+    )
     return figure
 
 
@@ -64,14 +70,20 @@ def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
         ax.set_title(f"no b: {_folded(b)}", fontsize=6, color=MUTED, loc="right")  # points fill the panel
         return
     line = np.array([b.completeness - b.bin / 2, M[-1]])
-    ax.semilogy(line, b.count * 10 ** (-b.b * (line - line[0])), color=GUIDE,
-                label=f"b = {b.b:.2f} ± {b.error:.2f}")
+    ax.semilogy(line, b.count * 10 ** (-b.b * (line - line[0])), color=GUIDE, label=f"b = {b.b:.2f} ± {b.error:.2f}")
     ax.axvline(b.completeness, color=MUTED, lw=0.6, ls=":", label=f"M_c = {b.completeness:.2f}")
     ax.legend(loc="lower left")
     against = b_against_completeness(catalogue.magnitude)
     inset = ax.inset_axes((0.6, 0.58, 0.38, 0.34))
-    inset.errorbar([e.completeness for e in against], [e.b for e in against], [e.error for e in against],
-                   fmt="-", color=GUIDE, lw=0.7, elinewidth=0.4)
+    inset.errorbar(
+        [e.completeness for e in against],
+        [e.b for e in against],
+        [e.error for e in against],
+        fmt="-",
+        color=GUIDE,
+        lw=0.7,
+        elinewidth=0.4,
+    )
     inset.set_title("b against M_c", fontsize=6, pad=2)
     inset.tick_params(labelsize=5)
 

@@ -6,16 +6,29 @@ from ruptfx import Table
 from ruptfx.input.fields import extensive_unit
 
 UNITS_OF_FRACTURE = {
-    "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
+    "first_peak_stress": "Pa",
+    "largest_stress": "Pa",
+    "elastic_modulus": "Pa",
+    "first_peak_time": "s",
     "failed_length": "m",
 }
 UNITS_OF_SURFACES = {
     "moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s", "stress_drop": "Pa", "radiated_energy": "J",
 }  # fmt: skip
 UNITS = {
-    "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
-    "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
-    "first_sliding": "s", "healing_time": "s", **UNITS_OF_FRACTURE, **UNITS_OF_SURFACES,
+    "tip_speed": "m/s",
+    "tip_speed_error": "m/s",
+    "peak_slip_rate": "m/s",
+    "fastest_trailing_speed": "m/s",
+    "max_slip": "m",
+    "max_opening": "m",
+    "reach": "m",
+    "pulse_width": "m",
+    "pulse_spacing": "m",
+    "first_sliding": "s",
+    "healing_time": "s",
+    **UNITS_OF_FRACTURE,
+    **UNITS_OF_SURFACES,
 }  # units of the summary; every other entry is a name or a pure number
 
 DESCRIPTIONS = {

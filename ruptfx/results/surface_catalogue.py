@@ -57,7 +57,7 @@ def surface_catalogue(data: Data, events: Sequence[SurfaceEvent], threshold: flo
         length = scale(np.concatenate([data["position"].values, data["dip"].values]), "m")[1]
         ax.set(xlabel=f"Along strike ({length})", ylabel=f"Down dip ({length})")
         ax.set_title(f"{event.time / size:.4g} {unit}, magnitude {event.magnitude:.2f}")
-    for ax in axes[2:].flat[len(shown):]:
+    for ax in axes[2:].flat[len(shown) :]:
         ax.set_visible(False)
     letter([ax for ax in axes.flat if ax.get_visible()])
     text = f"{len(events)} events in which slip is faster than {threshold:g} m/s; (c): records have equal heights."

@@ -86,7 +86,18 @@ def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[
         after = max(first_begun(fault.nucleation)[0], 0.0)
     direction = fault.initial_stress.directions(normal, shear)
     made = Fault(
-        name, face, contact, law, normal, shear, direction, tuple(fault.nucleation), gap, cohesion, after, prescribed,
+        name,
+        face,
+        contact,
+        law,
+        normal,
+        shear,
+        direction,
+        tuple(fault.nucleation),
+        gap,
+        cohesion,
+        after,
+        prescribed,
         fields,
     )
     try:
@@ -127,8 +138,7 @@ def _prescribed(case: Case, face: Interface, fault: FaultCase, width: float) -> 
     most, largest = case.output.rupture_threshold, float(np.abs(slip.slip(0.0)).max(initial=0.0))
     if largest > 0:
         raise CaseError(
-            f"prescribed_slip: slips {largest:.4g} m at time 0, where nothing has moved; begin with no "
-            "slip"
+            f"prescribed_slip: slips {largest:.4g} m at time 0, where nothing has moved; begin with no slip"
         )
     if "inertia" in case.stepper.offers and np.any(slip.jump > most):
         point = int(np.argmax(slip.jump))

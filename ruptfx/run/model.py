@@ -90,7 +90,11 @@ class Model(System):
         )  # fmt: skip
         of_cells = self.materials if self.cracks is None else self.cracks.cell_materials
         self.bulk = operators.Bulk(
-            self.space, case.plane, of_cells, self.bodies.cell_body, large_rotations=case.large_rotations,
+            self.space,
+            case.plane,
+            of_cells,
+            self.bodies.cell_body,
+            large_rotations=case.large_rotations,
             variation=self.variation,
         )
         self.operator = operators.create(case.operator, self.bulk, case.loaded)

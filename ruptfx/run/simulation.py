@@ -46,8 +46,13 @@ class Interrupted(RuptfxError):  # noqa: N818
 
 @overload
 def simulate(
-    case: Case, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True, resume: bool = False,
-    complete: Callable[[], None] = lambda: None, overwrite: bool = False,
+    case: Case,
+    out: str | Path = "run",
+    comm: fem.MPI.Comm | None = None,
+    progress: bool = True,
+    resume: bool = False,
+    complete: Callable[[], None] = lambda: None,
+    overwrite: bool = False,
 ) -> Record: ...
 
 
@@ -140,9 +145,7 @@ def simulate(
     return Record(out, trust=True)
 
 
-def _run(
-    model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float
-) -> None:
+def _run(model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float) -> None:
     """Run the time loop in a directory that is ready."""
     case, comm = model.case, model.comm
     with phase("model"):
@@ -198,7 +201,8 @@ def _run(
                     f"stopped by {stop} at {with_prefix(state.time, 's')} of {with_prefix(case.duration, 's')}, step "
                     f"{state.step}; "
                     f"{recorder.records} records are kept in {out}"
-                    + f", and the run in {home} is as it was" * (home != out) + f"; go on with: ruptfx resume {home}"
+                    + f", and the run in {home} is as it was" * (home != out)
+                    + f"; go on with: ruptfx resume {home}"
                 )
         stepping = time.perf_counter() - stepping
         checkpoints.write(state, final=True)

@@ -152,8 +152,10 @@ class StageLoads(Loads):
         """
         own = 0.5 + (time - self.start) / since if time - self.start < (1 - 1e-6) * since else 1.0
         shares = [*(own for _ in self.forces), *(1 - own for _ in self.ended)]
-        return [share * force.factor(time) if share else 0.0
-                for share, force in zip(shares, (*self.forces, *self.ended), strict=True)]
+        return [
+            share * force.factor(time) if share else 0.0
+            for share, force in zip(shares, (*self.forces, *self.ended), strict=True)
+        ]
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:
         """Return the delayed action of a boundary, and the decaying one of its predecessor."""

@@ -45,7 +45,8 @@ def viscous_layer(model: System, case: Case) -> Viscosity | None:
     if not parallel.total(model.comm, chosen.sum()):
         raise CaseError(
             f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
-            if given.thickness is not None else "damping.kelvin_voigt.bodies: name a body at least"
+            if given.thickness is not None
+            else "damping.kelvin_voigt.bodies: name a body at least"
         )
     if given.beta_2 is not None:
         eta = (given.beta_2 - 0.5) * _damped_step(model, case.stepper, given.beta_2)
@@ -60,8 +61,7 @@ def viscous_layer(model: System, case: Case) -> Viscosity | None:
     operator = operators.create(case.operator, replace(bulk, large_rotations=rotates), case.loaded)
     if rotates and not isinstance(operator, operators.ViscousOperator):
         raise CaseError(
-            f"damping.kelvin_voigt: operator = '{case.operator}' does not damp bodies that rotate; use "
-            "'matrix_free'"
+            f"damping.kelvin_voigt: operator = '{case.operator}' does not damp bodies that rotate; use 'matrix_free'"
         )
     return Viscosity(eta, bulk, operator, touched, everywhere=model.cracks is not None, rotates=rotates)
 

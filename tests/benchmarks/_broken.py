@@ -101,9 +101,7 @@ def broken(case: Case, comm: fem.MPI.Comm | None = None) -> Broken:
     assert model.cracks is not None and case.fracture is not None
     cracks: FaultState = model.cracks.gather(state.cracks)
     facets = model.cracks.gather(facets_of(model.cracks))
-    table, words = events(
-        cracks, facets, model.bodies.names, list(model.bodies.joints), case.fracture.thickness
-    )
+    table, words = events(cracks, facets, model.bodies.names, list(model.bodies.joints), case.fracture.thickness)
     failed = np.flatnonzero(np.isfinite(cracks["time_of_failure"]))
     failed = failed[np.argsort(cracks["time_of_failure"][failed], kind="stable")]
     columns = np.array(rows).T

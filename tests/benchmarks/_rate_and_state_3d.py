@@ -83,8 +83,13 @@ def case(element_size: float, law: Table, shear: float, extra: float, duration: 
 
 
 def study(
-    make: Callable[[float, float], Table], duration: float, fine: bool, comm: MPI.Comm, published: Places | None = None,
-    bars: Callable[[float], float] = bar, source: str = "",
+    make: Callable[[float, float], Table],
+    duration: float,
+    fine: bool,
+    comm: MPI.Comm,
+    published: Places | None = None,
+    bars: Callable[[float], float] = bar,
+    source: str = "",
 ) -> Outcome:
     """Check symmetry, energy, published times of slip, and with `fine` the convergence of times, peak rates and slips.
 

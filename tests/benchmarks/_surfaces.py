@@ -195,9 +195,7 @@ def draw(runs: dict[str, Surface], title: str, inside: tuple[float, float] = (np
     return figure
 
 
-def contours(
-    ax: Axes, surface: Surface, name: str, interval: float, last: float, where: Array | bool = True
-) -> None:
+def contours(ax: Axes, surface: Surface, name: str, interval: float, last: float, where: Array | bool = True) -> None:
     """Draw contours of a time on a surface [s], with labels."""
     known = np.isfinite(surface.fields[name]) & where
     if known.sum() > 3:

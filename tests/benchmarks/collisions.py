@@ -182,7 +182,8 @@ def residual(cells: int, high: int, velocity: float) -> float:
         moved = {"x": (0.5 * along, ramp), "y": (-across, 5e-6)}
         return [
             {"kind": "driven", "edge": f"specimen.{edge}", "component": axis, "velocity": sign * speed, "ramp": ramp}
-            for edge, sign in (("top", 1), ("bottom", -1)) for axis, (speed, ramp) in moved.items()
+            for edge, sign in (("top", 1), ("bottom", -1))
+            for axis, (speed, ramp) in moved.items()
         ]
 
     case = parse_case({

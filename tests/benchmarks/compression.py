@@ -165,9 +165,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     return Outcome(checks + (_of_the_thesis(found, tensile, shear, peaks) if fine else []), lambda: _draw(found))
 
 
-def _of_the_thesis(
-    found: dict[int, Pressed], tensile: np.ndarray, shear: np.ndarray, peaks: np.ndarray
-) -> list[Check]:
+def _of_the_thesis(found: dict[int, Pressed], tensile: np.ndarray, shear: np.ndarray, peaks: np.ndarray) -> list[Check]:
     """Return the checks that need cells finer than 3 mm."""
     to_six = slice(None, list(found).index(6) + 1)
     exponents = [each.emission.of_clusters for each in found.values()]

@@ -185,7 +185,9 @@ def _traces(load: Loading, time: Array, gradient: Array) -> list[Trace]:
     noise = NOISE * float(np.abs(gradient[..., 0, 0]).max())
     random = np.random.default_rng(1)
     parts = {
-        "xx": gradient[..., 0, 0], "yy": gradient[..., 1, 1], "xy": 0.5 * (gradient[..., 0, 1] + gradient[..., 1, 0]),
+        "xx": gradient[..., 0, 0],
+        "yy": gradient[..., 1, 1],
+        "xy": 0.5 * (gradient[..., 0, 1] + gradient[..., 1, 0]),
     }
     return [
         Trace(x, y, time, {name: parts[name][:, i] + random.normal(0, noise, len(time)) for name in COMPONENTS})

@@ -104,14 +104,22 @@ def roughness_checks() -> list[Check]:
         # distribution are below 1 %; at 22 the tails are worth 0.008.
         *(
             Check(
-                f"late amplitude without scatter, alpha = {alpha}", float(late_amplitude_law(alpha, 0.3, 0.225)),
-                large_number_limit(alpha, 0.3, 0.225)[1], tolerance, "1", "(2/pi) exp(-2 pi^2 s^2)",
+                f"late amplitude without scatter, alpha = {alpha}",
+                float(late_amplitude_law(alpha, 0.3, 0.225)),
+                large_number_limit(alpha, 0.3, 0.225)[1],
+                tolerance,
+                "1",
+                "(2/pi) exp(-2 pi^2 s^2)",
             )
             for alpha, tolerance in ((22, 0.01), (50, 0.003))
         ),
         *(
             Check(
-                f"late amplitude, 300 blocks, alpha = {alpha:g}", amplitude, float(mean.sel(alpha=alpha)), 0.02, "1",
+                f"late amplitude, 300 blocks, alpha = {alpha:g}",
+                amplitude,
+                float(mean.sel(alpha=alpha)),
+                0.02,
+                "1",
                 INDEPENDENT,
             )
             for alpha, amplitude in PILOT.items()
@@ -125,8 +133,15 @@ def wave_speed() -> float:
     """Return the speed [blocks/s] of a smooth pulse in an undamped chain without contacts."""
     model, blocks = SpringBlock(), 400
     chain = Chain(
-        mass=model.mass / model.blocks, damping=0.0, spring=(model.blocks - 1) * model.stiffness, drive_stiffness=0.0,
-        drive_speed=0.0, contacts=np.ones(blocks, int), contact_stiffness=1e-9, contact_strength=1.0, scatter=0.0,
+        mass=model.mass / model.blocks,
+        damping=0.0,
+        spring=(model.blocks - 1) * model.stiffness,
+        drive_stiffness=0.0,
+        drive_speed=0.0,
+        contacts=np.ones(blocks, int),
+        contact_stiffness=1e-9,
+        contact_strength=1.0,
+        scatter=0.0,
         delay=1.0,
     )
     pulse = Integrator(chain, 0.5 * chain.stable_step(), seed=0)
@@ -243,8 +258,13 @@ def slider_checks() -> list[Check]:
         Check("static friction per e-fold of hold", B, float(holds.healing_slope), 0.01, "1", SLOW, relative=True),
         *(
             Check(
-                f"change of mean friction, load amplitude {eps:g}", change, float(load.mean_change.sel(eps=eps)), 0.02,
-                "1", INDEPENDENT, relative=True,
+                f"change of mean friction, load amplitude {eps:g}",
+                change,
+                float(load.mean_change.sel(eps=eps)),
+                0.02,
+                "1",
+                INDEPENDENT,
+                relative=True,
             )
             for eps, change in MODULATION.items()
         ),
@@ -301,8 +321,14 @@ def figure() -> Figure:
         left.plot(list(PILOT), list(PILOT.values()), "x", color=STICK_SLIP, markersize=6, label="expected")
         left.set(xscale="log", xlabel=r"Shape parameter $\alpha$", ylabel="Late amplitude")
         right.plot(load.eps, 100 * load.mean_change, "o-", color=STEADY, label="slider")
-        right.plot(list(MODULATION), [100 * v for v in MODULATION.values()], "x", color=STICK_SLIP, markersize=6,
-                   label="expected")
+        right.plot(
+            list(MODULATION),
+            [100 * v for v in MODULATION.values()],
+            "x",
+            color=STICK_SLIP,
+            markersize=6,
+            label="expected",
+        )
         right.plot(load.eps, 100 * load.law, "--", color="0.4", label="constant age")
         right.set(xlabel=r"Load amplitude $\epsilon$", ylabel="Change of mean friction (%)")
         left.legend()

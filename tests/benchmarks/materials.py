@@ -205,8 +205,13 @@ def _flow() -> list[Check]:
     apart = float(np.abs(ramp / (limit + lag) - 1).max())
     return [
         Check("drucker_prager: ramp beyond yield of a point", 0.0, apart, 1e-8, source="closed form"),
-        Check("drucker_prager: cycle of a point, error ratio of half the step", 3.0, coarse / half, source=SCIPY,
-              relation="at least"),
+        Check(
+            "drucker_prager: cycle of a point, error ratio of half the step",
+            3.0,
+            coarse / half,
+            source=SCIPY,
+            relation="at least",
+        ),
         Check("drucker_prager: cycle of a point", 0.0, half, 1e-6, "1", SCIPY),
         Check("drucker_prager: long steps stay on the yield surface", 1.0, plastic[-1] / limit, 1e-8),
     ]

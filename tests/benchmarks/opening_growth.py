@@ -74,7 +74,11 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     checks = [
         Check("reach", 0.75 * reach, float(length[-1]), 0.0, "a_c", "model", "at least"),
         Check(
-            f"largest |v - theory|, 1.7 < a/a_c < {0.75 * reach:.3g}", 0.0, worst, 0.03, "c_R",
+            f"largest |v - theory|, 1.7 < a/a_c < {0.75 * reach:.3g}",
+            0.0,
+            worst,
+            0.03,
+            "c_R",
             "Broberg (1960); Freund (1990)",
         ),
         Check("fastest", 1.0, float(np.nanmax(speed)) / C_R, 0.0, "c_R", "Freund (1990)", "at most"),

@@ -43,7 +43,8 @@ def double_couple(size: float, edge: float) -> tuple[Array, Array, Array, float]
         "contact": {"kind": "split_node"}, "prescribed_slip": [{"kind": "gaussian", "slip": bell, "width": WIDTH}],
     }  # fmt: skip
     table["boundaries"] = [
-        *fixed("left", "yz"), *fixed("back", "z"),
+        *fixed("left", "yz"),
+        *fixed("back", "z"),
         *({"kind": "absorbing", "edge": f"upper.{name}"} for name in ("right", "top", "front")),
     ]
     time, displacement, closure = recorded(table, RECEIVER)

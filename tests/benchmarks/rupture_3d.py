@@ -133,9 +133,7 @@ def _core(right: Array, up: Array) -> Array:
     zero, one = np.zeros_like(right), np.ones_like(right)
     corner = {(i, j): _ring(zero, turn * one) * (i + j > 0) for (i, j), turn in CORNERS.items()}
     u, v = right[:, None], up[:, None]
-    edges = (
-        (1 - v) * u * corner[1, 0] + v * _ring(zero, 2 - right) + (1 - u) * v * corner[0, 1] + u * _ring(zero, up)
-    )
+    edges = (1 - v) * u * corner[1, 0] + v * _ring(zero, 2 - right) + (1 - u) * v * corner[0, 1] + u * _ring(zero, up)
     twice = u * v * corner[1, 1] + u * (1 - v) * corner[1, 0] + (1 - u) * v * corner[0, 1]
     return np.asarray(edges - twice)
 

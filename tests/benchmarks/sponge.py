@@ -82,9 +82,7 @@ def packet(model: Model, wave: str, angle: int) -> tuple[Array, Array]:
     return moved, rate
 
 
-def reflection(
-    edge: Table, wave: str, angle: int, plane: Plane = "strain", elements: int = 3
-) -> tuple[float, float]:
+def reflection(edge: Table, wave: str, angle: int, plane: Plane = "strain", elements: int = 3) -> tuple[float, float]:
     """Return the reflected amplitude over that of the packet, and the energy closure."""
     case = Case.model_validate(strip(edge, wave, angle, plane, elements))
     model = Model(case, fem.MPI.COMM_SELF)

@@ -104,8 +104,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         speeds.append(float(np.polyfit(arrival[part], x[part], 1)[0]) if part.sum() > 10 else 0.0)
     risen = float(runs[-1].fields["pore_pressure"].max()) / 120e6
     checks += [
-        Check("front speed, 5 to 10 km, on both meshes", speeds[1], speeds[0], 0.03, "m/s", "finer mesh",
-              relative=True),
+        Check(
+            "front speed, 5 to 10 km, on both meshes", speeds[1], speeds[0], 0.03, "m/s", "finer mesh", relative=True
+        ),
         Check("front speed over that without fluid", 1.0, speeds[0] / max(speeds[2], 1.0), 0, "1", "shape", "at least"),
         Check("largest pressure over the normal stress", 0.3, risen, 0, "1", "shape", "at least"),
         *(each.budget() for each in runs),

@@ -100,9 +100,7 @@ def plates(law: Table, contact: Table, steps: int) -> Table:
     return table
 
 
-def fields(
-    law: Table, contact: Table, steps: int, stepper: Table | None = None
-) -> dict[str, np.ndarray]:
+def fields(law: Table, contact: Table, steps: int, stepper: Table | None = None) -> dict[str, np.ndarray]:
     """Return the fields of the interface at the end."""
     table = plates(law, contact, steps)
     case = Case.model_validate({**table, "stepper": {**table["stepper"], **(stepper or {})}})

@@ -133,9 +133,7 @@ def source(kind: str, size: float, edge: float) -> tuple[Array, Array, Array, fl
     """Return times [s], displacement and exact displacement at the receiver [m], and energy closure."""
     times = np.linspace(0, RISE, 1001)
     explosion = kind == "explosion"
-    table = corner(
-        size, edge, edge, "symmetric" if explosion else "antisymmetric", 2.2, elastic(C_P, C_S["full"], RHO)
-    )
+    table = corner(size, edge, edge, "symmetric" if explosion else "antisymmetric", 2.2, elastic(C_P, C_S["full"], RHO))
     table["boundaries"] = [
         *fixed("left", "x" if explosion else "yz"), *fixed("back", "z"),
         *({"kind": "absorbing", "edge": f"upper.{name}"} for name in ("right", "top", "front")),

@@ -86,8 +86,15 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         known = strength(c, pressure)
         laws = f"c = {c / 1e6:g}, sigma_3 = {pressure / 1e6:g} MPa"
         checks += [
-            Check(f"{kind}, {laws}: stress while it slides", known, float(late.mean()), 0.01, "Pa", "Jaeger (1960)",
-                  relative=True),
+            Check(
+                f"{kind}, {laws}: stress while it slides",
+                known,
+                float(late.mean()),
+                0.01,
+                "Pa",
+                "Jaeger (1960)",
+                relative=True,
+            ),
             budget,
         ]
         curves.append((kind, laws, strain, stress, known))

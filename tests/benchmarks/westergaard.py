@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 BODIES = table_of("westergaard")
 AMPLITUDE, WAVELENGTH = (BODIES["mesh"]["upper"]["profile"][name] for name in ("mean", "wavelength"))
-STIFFNESS = 1 / sum((1 - body["poisson_ratio"]**2) / body["young_modulus"] for body in BODIES["materials"].values())
+STIFFNESS = 1 / sum((1 - body["poisson_ratio"] ** 2) / body["young_modulus"] for body in BODIES["materials"].values())
 FULL = np.pi * STIFFNESS * 2 * AMPLITUDE / WAVELENGTH  # p*: 23.1 MPa
 HOLD = 10e-6
 HELD = [

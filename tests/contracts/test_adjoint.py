@@ -105,8 +105,15 @@ def differences(case: Case, shape: Any, sizes: dict[str, float], step: float) ->
         if place.of_contact:
             continue
         change = sizes[place.unit] * shape(position)
-        values = [Objective(case, case.objective, record=False, model=perturbed(
-            model, {(0, row): sign * step * part * change for row, part in place.rows})).value for sign in (1, -1)]
+        values = [
+            Objective(
+                case,
+                case.objective,
+                record=False,
+                model=perturbed(model, {(0, row): sign * step * part * change for row, part in place.rows}),
+            ).value
+            for sign in (1, -1)
+        ]
         found[key] = float(exact[key].values @ change), (values[0] - values[1]) / (2 * step)
     return found
 
@@ -134,8 +141,10 @@ def test_gradients_by_contact_stiffness_equal_central_differences() -> None:
     for name in ("C_n", "C_s"):
         key = f"faults.main.contact.{name}"
         value = getattr(case.faults["main"].contact, name)
-        both = [Objective(other, other.objective, record=False).value
-                for other in (case.changed(key, value * (1 + sign * 1e-6)) for sign in (1, -1))]
+        both = [
+            Objective(other, other.objective, record=False).value
+            for other in (case.changed(key, value * (1 + sign * 1e-6)) for sign in (1, -1))
+        ]
         assert exact[key].attrs["units"] == "1/(Pa/m)"
         slope = float(exact[key].sum()) * value
         assert slope == pytest.approx((both[0] - both[1]) / 2e-6, rel=1e-4), key
@@ -144,8 +153,10 @@ def test_gradients_by_contact_stiffness_equal_central_differences() -> None:
 
 OPENING = [{"kind": "traction", "edge": edge, "traction": [0.0, pull], "ramp": 3e-6}
            for edge, pull in (("upper.top", 9e6), ("lower.bottom", -9e6))]  # fmt: skip
-CLOSING = [{"kind": "traction", "edge": "upper.top", "traction": [2e6, -9e6], "ramp": 3e-6},
-           *({"kind": "driven", "edge": "lower.bottom", "component": each, "velocity": 0.0} for each in "xy")]
+CLOSING = [
+    {"kind": "traction", "edge": "upper.top", "traction": [2e6, -9e6], "ramp": 3e-6},
+    *({"kind": "driven", "edge": "lower.bottom", "component": each, "velocity": 0.0} for each in "xy"),
+]
 GAP = {"boundaries": CLOSING, "faults.main.gap": 1e-9, "faults.main.initial_stress": {"normal": 0.0},
        "faults.main.friction": {"kind": "coulomb", "mu_d": 0.2}}  # fmt: skip
 
@@ -323,8 +334,12 @@ def test_every_misfit_has_exact_derivatives(kind: str) -> None:
 def test_data_are_read_from_files_with_units(tmp_path: Path) -> None:
     (tmp_path / "data.csv").write_text("time (us),slip (um),slip_rate (m/s)\n1,0.5,0\n2,1.5,0.1\n")
     term = {"kind": "traces", "instrument": "fault", "file": "data.csv", "sigma": 1e-6, "channels": ["slip"]}
-    table = slip_weakening({"objective": [term], "instruments": [
-        {"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 16e-3}]})
+    table = slip_weakening(
+        {
+            "objective": [term],
+            "instruments": [{"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 16e-3}],
+        }
+    )
     made = parse_case(table, tmp_path)
     assert made.objective[0].times == pytest.approx([1e-6, 2e-6], rel=1e-15)
     assert made.objective[0].units["slip"] == "um"
@@ -347,13 +362,13 @@ TRACE = {"kind": "traces", "instrument": "fault", "times": [1e-6], "data": {"sli
          "sigma": 1e-6}  # fmt: skip
 
 
-
 @pytest.mark.parametrize("window, kept", [({"begin": 2e-6}, [1, 2]), ({"end": 2e-6}, [0, 1]),
                                           ({"begin": 1.5e-6, "end": 2.5e-6}, [1])])  # fmt: skip
 def test_data_outside_of_their_window_do_not_count(window: dict[str, float], kept: list[int]) -> None:
     times, slips = [1e-6, 2e-6, 3e-6], [0.5e-6, 1.5e-6, -2.0e-6]
-    made = slip_weakening({"instruments": [FAULT], "objective": [
-        {**TRACE, "times": times, "data": {"slip": slips}, **window}]})
+    made = slip_weakening(
+        {"instruments": [FAULT], "objective": [{**TRACE, "times": times, "data": {"slip": slips}, **window}]}
+    )
     found = Objective(parse_case(made), parse_case(made).objective)
     sample = found.samples[0][1]
     assert sample.at == pytest.approx([times[i] for i in kept], rel=1e-15)

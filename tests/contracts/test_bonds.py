@@ -132,9 +132,7 @@ def test_a_crack_from_the_start_carries_nothing() -> None:
 @every_implicit_method
 @pytest.mark.parametrize("mode", ["I", "II"])
 @pytest.mark.parametrize("stepper", [CONSERVING, {"kind": "quasi_static"}], ids=lambda stepper: stepper["kind"])
-def test_implicit_steps_break_with_the_same_energy(
-    contact: dict[str, Any], stepper: dict[str, Any], mode: str
-) -> None:
+def test_implicit_steps_break_with_the_same_energy(contact: dict[str, Any], stepper: dict[str, Any], mode: str) -> None:
     """Damage, opening and slip are solved for in the step: G times the area, traction up to the strength, budget.
 
     The bodies are stiffer than the softening, f^2 / (2 G) in Pa/m, so that there is an equilibrium all the way.

@@ -184,9 +184,7 @@ def test_forces_grow_during_their_ramp() -> None:
     """A quarter of the weight after a quarter of the ramp, all of it from the end on."""
     weight = Gravity(acceleration=[0.0, -9.81], ramp=4e-6)
     whole = SimpleNamespace(mirror_planes=(), one_sided={})
-    model: Any = SimpleNamespace(
-        model=SimpleNamespace(mass=np.array([2.0, 2.0, 3.0, 3.0]), components=2, bodies=whole)
-    )
+    model: Any = SimpleNamespace(model=SimpleNamespace(mass=np.array([2.0, 2.0, 3.0, 3.0]), components=2, bodies=whole))
     force = weight.act(model, "boundaries.0").force
     assert force is not None
     assert [force.factor(time) for time in (0.0, 1e-6, 4e-6, 9e-6)] == pytest.approx([0.0, 0.25, 1.0, 1.0])

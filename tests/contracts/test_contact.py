@@ -211,8 +211,16 @@ def test_failure_names_the_point(method: str) -> None:
             fault.initial_state(), displacement, velocity, np.zeros(4 * POINTS), 2e-6
         ),
         lambda: advance_reference(
-            fault, fault.traced_law(), fault.initial_state(), displacement, velocity, np.zeros(4 * POINTS),
-            np.ones(4 * POINTS), Clock.of_step(1e-7), 2e-6, 1e-3,
+            fault,
+            fault.traced_law(),
+            fault.initial_state(),
+            displacement,
+            velocity,
+            np.zeros(4 * POINTS),
+            np.ones(4 * POINTS),
+            Clock.of_step(1e-7),
+            2e-6,
+            1e-3,
         ),
     ):
         with pytest.raises(
@@ -252,8 +260,16 @@ def test_a_strength_that_jumps_over_the_traction_is_an_error() -> None:
             fault.initial_state(), none.copy(), none.copy(), none.copy(), 2e-6
         ),
         lambda: advance_reference(
-            fault, fault.traced_law(), fault.initial_state(), none.copy(), none.copy(), none.copy(), mobile,
-            Clock.of_step(dt, 2), 2e-6, 1e-3,
+            fault,
+            fault.traced_law(),
+            fault.initial_state(),
+            none.copy(),
+            none.copy(),
+            none.copy(),
+            mobile,
+            Clock.of_step(dt, 2),
+            2e-6,
+            1e-3,
         ),
     ):
         with pytest.raises(ProjectionError, match=facts(r"jumps: no slip rate balances the trial traction.*point 0 ")):
@@ -271,9 +287,7 @@ def test_trial_is_relieved_as_it_says(method: str) -> None:
         before = contact.trial(point)
         relieved, V = 1e2, 1e2 / before.impedance[0]  # 100 Pa, by which springs that stiffen do not change
         opened = replace(point, opening_jump=point.opening_jump + relieved * before.normal_compliance)
-        slid = replace(
-            point, slip=[point.slip[0] + V * point.since], slip_velocity=[point.slip_velocity[0] - V]
-        )
+        slid = replace(point, slip=[point.slip[0] + V * point.since], slip_velocity=[point.slip_velocity[0] - V])
         size = abs(before.normal_stress) + 1e6 * abs(point.opening_velocity) + abs(before.shear_traction[0])
         found = before.normal_stress - contact.trial(opened).normal_stress
         np.testing.assert_allclose(found, relieved, rtol=1e-3, atol=1e-14 * size)

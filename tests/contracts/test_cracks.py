@@ -272,8 +272,17 @@ def test_strengths_of_facets_are_positive_numbers(key: str, value: Any, said: st
 @pytest.mark.parametrize("kind", COHESION)
 def test_the_elastic_forces_are_those_of_the_weak_form(kind: str) -> None:
     """Of k [u] . [v] on all inner facets, with the quadrature at their ends."""
-    model = Model(case({"fracture.default.cohesion": {**table(alternatives("ruptfx.laws.cohesion")[kind]), "kind": kind,
-                                                      **{key: NEVER[key] for key in ("f_t", "c", "G_Ic", "G_IIc")}}}))
+    model = Model(
+        case(
+            {
+                "fracture.default.cohesion": {
+                    **table(alternatives("ruptfx.laws.cohesion")[kind]),
+                    "kind": kind,
+                    **{key: NEVER[key] for key in ("f_t", "c", "G_Ic", "G_IIc")},
+                }
+            }
+        )
+    )
     state, ufl = model.initial_state(), fem.ufl
     state.displacement[:] = 1e-6 * np.random.default_rng(0).normal(size=len(state.displacement))
     model.cracks(state, model.mass, 0.0)

@@ -74,7 +74,8 @@ PLANES: dict[str, dict[str, Any]] = {
 # Steps that follow their error; fast ones after the first; steps that grow until their error counts.
 OF_STEPPERS = {
     "quasi_static": {"smallest_step": 1e-15},
-    "hybrid": {"fast_above": 1e-5, "slow_below": 1e-6}, "quasi_dynamic": {"first_step": 1e-7, "largest_step": 1e-3},
+    "hybrid": {"fast_above": 1e-5, "slow_below": 1e-6},
+    "quasi_dynamic": {"first_step": 1e-7, "largest_step": 1e-3},
 }
 STRINGS = {
     "edge": ["upper.left", "upper.top", "matrix.top", "matrix.right", "matrix.left", "plus.left", "plus.top"],
@@ -129,8 +130,11 @@ def around_a_surface(stepper: str) -> dict[str, Any]:
     ]  # fmt: skip
     table = {"kind": "table", "positions": [0.0, 1e-3, 3e-3], "values": [5.8e6, 6e6, 6.2e6], "extend": True}
     given = base("solid", stepper)
-    for boundary, edge in zip(given["boundaries"], ("plus.far", "minus.left", "plus.right", "minus.far", "minus.bottom",
-                                                    "minus.right"), strict=True):
+    for boundary, edge in zip(
+        given["boundaries"],
+        ("plus.far", "minus.left", "plus.right", "minus.far", "minus.bottom", "minus.right"),
+        strict=True,
+    ):
         boundary["edge"] = edge
     return merged(given, {
         "positions": "x",
@@ -263,6 +267,7 @@ def files_of(case: Case, out: Path) -> dict[str, Any]:
     found: dict[str, Any] = {"files": sorted(path.name for path in out.rglob("*"))}
     for path in out.glob("*.h5"):
         with h5py.File(path) as file:
+
             def keep(name: str, item: Any, path: Path = path) -> None:
                 if isinstance(item, h5py.Dataset):
                     found[f"{path.name}.{name}"] = item[()]

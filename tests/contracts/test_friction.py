@@ -73,8 +73,11 @@ def test_laws_that_hold_each_other_share_no_state(outer: str, inner: str) -> Non
     laws = alternatives("ruptfx.laws.friction")
     shared = laws[outer].state_fields.keys() & laws[inner].state_fields.keys() - COMMON
     # Also where a third law is between them.
-    between = next(kind for kind in WRAPPERS if laws[kind].state_fields.keys().isdisjoint(
-        laws[outer].state_fields.keys() | laws[inner].state_fields.keys()))
+    between = next(
+        kind
+        for kind in WRAPPERS
+        if laws[kind].state_fields.keys().isdisjoint(laws[outer].state_fields.keys() | laws[inner].state_fields.keys())
+    )
     third = friction(between, plain[0]).model_dump(mode="json")
     for law in (nested, {**tables[0], "law": {**third, "law": tables[1]}}):
         if not shared:

@@ -47,7 +47,8 @@ PUSHED = [
 SLOW = {"duration": 50.0, "boundaries": PUSHED}
 FAST = {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.4}, "faults.main.initial_stress.shear": 3e6}
 STEPPERS: dict[str, dict[str, Any]] = {
-    "leapfrog": FAST, "split": {**FAST, "faults.main.contact": {"kind": "split_node"}},
+    "leapfrog": FAST,
+    "split": {**FAST, "faults.main.contact": {"kind": "split_node"}},
     "generalized_alpha": {**FAST, "stepper": {"kind": "generalized_alpha"}, "duration": 1e-4},
     "quasi_static": {**SLOW, "stepper": {"kind": "quasi_static", "radiation_damping": True}},
     "quasi_dynamic": {**SLOW, "stepper": {"kind": "quasi_dynamic"}},

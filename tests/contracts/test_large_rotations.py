@@ -36,9 +36,7 @@ MATERIALS = [
 @cache
 def bulk(cell: str = "triangle") -> Bulk:
     meshes = fem.dolfinx.mesh
-    mesh = meshes.create_rectangle(
-        fem.MPI.COMM_WORLD, [[0, 0], [1, 0.75]], [5, 4], getattr(meshes.CellType, cell)
-    )
+    mesh = meshes.create_rectangle(fem.MPI.COMM_WORLD, [[0, 0], [1, 0.75]], [5, 4], getattr(meshes.CellType, cell))
     x = mesh.geometry.x
     x[:, 0] += 0.05 * np.sin(5 * x[:, 1])
     middle = x[fem.geometry_dofmap(mesh)].mean(axis=1)
@@ -96,9 +94,7 @@ def test_energy_is_that_of_the_singular_values() -> None:
     for index, material in enumerate(MATERIALS):
         first, shear = material.lame("strain")
         one = fem.dolfinx.fem.Constant(given.space.mesh, 1.0)
-        area = fem.dolfinx.fem.assemble_scalar(
-            fem.form(one * operators.ufl_form.measure(given)(index))
-        )
+        area = fem.dolfinx.fem.assemble_scalar(fem.form(one * operators.ufl_form.measure(given)(index)))
         expected += area * (0.5 * first * stretch.sum() ** 2 + shear * np.sum(stretch**2))
     assert found == pytest.approx(expected, rel=1e-12)
 

@@ -274,8 +274,20 @@ def spring_block() -> None:
 
 
 FIGURES: list[Callable[[], None]] = [
-    velocity_steps, slide_hold_slide, modulated_speed, modulated_load, stability, bifurcation, stick_slip,
-    loading_unloading, frequency_response, fit, asperity_population, burridge_knopoff, maxwell_slip, roughness_map,
+    velocity_steps,
+    slide_hold_slide,
+    modulated_speed,
+    modulated_load,
+    stability,
+    bifurcation,
+    stick_slip,
+    loading_unloading,
+    frequency_response,
+    fit,
+    asperity_population,
+    burridge_knopoff,
+    maxwell_slip,
+    roughness_map,
     spring_block,
 ]
 

@@ -235,9 +235,7 @@ def test_isotropic_impedance(plane: Plane) -> None:
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 def test_equal_constants_make_an_orthotropic_body_isotropic(plane: Plane, angle: float) -> None:
     E, nu = 5.3e9, 0.35
-    given = OrthotropicElastic(
-        density=1246.0, E_1=E, E_2=E, nu_12=nu, nu_23=nu, G_12=E / (2 * (1 + nu)), angle=angle
-    )
+    given = OrthotropicElastic(density=1246.0, E_1=E, E_2=E, nu_12=nu, nu_23=nu, G_12=E / (2 * (1 + nu)), angle=angle)
     same = IsotropicElastic(young_modulus=E, poisson_ratio=nu, density=1246.0)
     expected = tangent_stiffness(same, plane)
     np.testing.assert_allclose(tangent_stiffness(given, plane), expected, rtol=1e-12, atol=1e-12 * expected.max())

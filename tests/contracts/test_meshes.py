@@ -68,8 +68,11 @@ MESHES: dict[str, tuple[Callable[[Path], Any], int, float | None]] = {
     "gmsh_triangles": (lambda _: example("gmsh_file"), 1, 40e-3),
     "wavy": (lambda _: wavy_plates(), 4, None),
     "boxes": (lambda _: two_boxes(), 2, 4e-3 * 3e-3),
-    "half_box": (lambda _: example("box_with_fault").model_copy(update={"half": True}), 2,
-                 0.5 * (9 - 1 / 3) * (4 - 1 / 6) * 1e-6),
+    "half_box": (
+        lambda _: example("box_with_fault").model_copy(update={"half": True}),
+        2,
+        0.5 * (9 - 1 / 3) * (4 - 1 / 6) * 1e-6,
+    ),
     "dipping": (lambda _: example("box_with_fault").model_copy(update={"dip": 60.0, "fault_top": 1e-3}), 2, None),
 }
 KINDS_THAT_END_INSIDE = {"box_with_fault", "dipping", "branched_fault", "half_box"}

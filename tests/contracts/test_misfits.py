@@ -74,7 +74,8 @@ def test_a_time_shift_is_recovered_with_a_number(method: str, tmp_path: Path) ->
     ]
     case = case_with(
         trace(data={"velocity": data.tolist()}, time_shift=-1e-7),
-        unknowns=unknowns, inference={"method": method, "iterations": 30},
+        unknowns=unknowns,
+        inference={"method": method, "iterations": 30},
     )
     made = infer(case, tmp_path / "out", progress=False)
     for each, wanted in zip(made.unknowns, (-4e-7, 4e-6), strict=True):
@@ -145,7 +146,10 @@ def test_offset_gain_and_one_delay_of_two_gauges_are_recovered(method: str, tmp_
     start = [trace(time_shift=-1e-7, instrument=name, data=each, sigma=0.005)
              for name, each in zip(("body", "other"), data, strict=True)]  # fmt: skip
     case = case_with(
-        start[0], instruments=[BODY, other], objective=start, inference={"method": method, "iterations": 40},
+        start[0],
+        instruments=[BODY, other],
+        objective=start,
+        inference={"method": method, "iterations": 40},
         unknowns=[{"key": key, "shape": "number", "bounds": bounds[key]} for key in wanted],
     )
     result = infer(case, tmp_path / "out", progress=False)

@@ -168,7 +168,8 @@ def test_runs_with_nothing_to_show(tmp_path):
     )
     with Record(run) as record:
         for what, message in (
-            ("velocity", "1 snapshots .* reduce output.bulk_interval"), ("fringes", "of stresses in a plate"),
+            ("velocity", "1 snapshots .* reduce output.bulk_interval"),
+            ("fringes", "of stresses in a plate"),
             ("slip_rate", "nothing slid"),
         ):
             with pytest.raises(RuptfxError, match=facts(message)):

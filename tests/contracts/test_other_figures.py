@@ -160,8 +160,9 @@ def test_films_of_slip_rates_along_a_line(logarithmic: bool, tmp_path: Path) -> 
         image = film.image(row)
         rows, columns = image.shape
         for down, across in ((rows // 2, columns // 4), (rows // 2, columns // 8), (rows // 4, columns // 20)):
-            near = np.argmin(np.abs(time - down / (rows - 1) * time[-1])), np.argmin(
-                np.abs(position - across / (columns - 1) * position[-1])
+            near = (
+                np.argmin(np.abs(time - down / (rows - 1) * time[-1])),
+                np.argmin(np.abs(position - across / (columns - 1) * position[-1])),
             )
             assert image[down, across] * unit == pytest.approx(field[near], rel=1e-9)
         assert np.isnan(image[round(rows * 82 / 121) :]).all() and np.isfinite(image).any()

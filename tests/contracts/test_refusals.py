@@ -26,6 +26,7 @@ CASES = {path.stem: table for path in sorted(DEMOS.glob("*.toml"))
          if "axes" not in (table := tomllib.loads(path.read_text()))}  # fmt: skip
 WRONG = {"-7.25e+33": -7.25e33, "7.25e+33": 7.25e33, "'seven'": "seven"}
 
+
 def leaves(node: Any, path: tuple[str | int, ...] = (), kind: str = "") -> Iterator[tuple[str, tuple[str | int, ...]]]:
     """Yield the path of each value but kinds, with a name that is the same wherever its table is used."""
     kind = str(node.get("kind", kind)) if isinstance(node, dict) else kind

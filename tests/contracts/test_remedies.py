@@ -527,6 +527,7 @@ def test_remedies_are_accepted(name: str) -> None:
     for changes in fixes(refused(table, says)):
         step(changed(table, changes))
 
+
 CHECKS: dict[str, tuple[Table, str, str, Callable[[re.Match[str]], list[Changes]]]] = {
     "grid noise": (
         slip_weakening({"order": 1}), "faults.main: damping", r"(\S+) = \{ (\w+) = ([\d.]+) \} takes",
@@ -772,10 +773,13 @@ def test_remedies_of_commands_work(name: str, tmp_path: Path, monkeypatch: pytes
 
 PLATES = (Path(__file__).parents[1] / "data" / "two_bodies.geo").read_text()
 SIDES = {"main": {"plus": "upper", "minus": "lower"}}
-CAP = PLATES.replace('"main") = {3}', '"main") = {3, 6}').replace('Physical Curve("upper.top") = {6};', "") + """
+CAP = (
+    PLATES.replace('"main") = {3}', '"main") = {3, 6}').replace('Physical Curve("upper.top") = {6};', "")
+    + """
 Point(7) = {40e-3, 20e-3, 0, h}; Point(8) = {0, 20e-3, 0, h}; Line(8) = {5, 7}; Line(9) = {7, 8}; Line(10) = {8, 6};
 Curve Loop(3) = {-6, 8, 9, 10}; Plane Surface(3) = {3}; Physical Surface("cap") = {3};
 """
+)
 APART = PLATES
 for old, new in (
     ("Point(5) =", "Point(7) = {40e-3, 0, 0, h / 3}; Point(8) = {0, 0, 0, h / 3}; Point(5) ="),
@@ -865,8 +869,16 @@ MU, SHEAR = "faults.main.friction.mu_d", "faults.main.initial_stress.shear"
 
 def observed(unknowns: list[Table], **keys: Any) -> Table:
     """A rupture with two data and unknowns, 32 mm long."""
-    return slip_weakening({"order": 1, "duration": 3e-6, "instruments": [BODY], "objective": [TRACE],
-                           "unknowns": unknowns, **{key.replace("__", "."): value for key, value in keys.items()}})
+    return slip_weakening(
+        {
+            "order": 1,
+            "duration": 3e-6,
+            "instruments": [BODY],
+            "objective": [TRACE],
+            "unknowns": unknowns,
+            **{key.replace("__", "."): value for key, value in keys.items()},
+        }
+    )
 
 
 GRADIENTS: dict[str, Remedy] = {

@@ -461,14 +461,14 @@ def test_forces_of_nothing_that_slides() -> None:
     (0.0, (0.0, -2e-9, 0.0), 0.0, 0.5),  # or that is pressed together
     (0.0, (0.0, -2e-9, 0.0), 0.6, 0.6),  # a normal that turns by 0.6 under 4 MPa
 ])  # fmt: skip
-def test_the_change_of_a_geometry(
-    spacing: float, gaps: tuple[float, ...], turn: float, expected: float
-) -> None:
+def test_the_change_of_a_geometry(spacing: float, gaps: tuple[float, ...], turn: float, expected: float) -> None:
     """Points under 4, 1 and 0 MPa on bodies of 1e15 Pa/m."""
     frame = np.tile(np.eye(2), (3, 1, 1))
     jumps = [np.zeros((3, 2))]
     face = SimpleNamespace(
-        frame=frame, plus=np.arange(3), jump=lambda displacement: jumps[-1],
+        frame=frame,
+        plus=np.arange(3),
+        jump=lambda displacement: jumps[-1],
         geometry=SimpleNamespace(plus=SimpleNamespace(spacing=np.full(3, spacing))),
     )
 

@@ -103,7 +103,7 @@ def test_clicks_and_search(site: Path, tmp_path: Path) -> None:
         await tab.value("[...document.querySelectorAll('.sd-card a')].find(a => a.href.includes('howto')).click()")
         await tab.until("location.href.includes('howto/index.html') && document.readyState === 'complete'")
         sidebar = ".bd-sidebar-primary a[href='damping.html']"
-        await tab.until(f"document.querySelector(\"{sidebar}\") !== null")
+        await tab.until(f'document.querySelector("{sidebar}") !== null')
         await tab.click(sidebar)
         await tab.until("location.href.endsWith('howto/damping.html') && document.readyState === 'complete'")
         assert "Damp the noise" in await tab.value("document.querySelector('h1').textContent")

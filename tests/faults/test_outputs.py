@@ -229,9 +229,7 @@ def test_every_command_is_here() -> None:
 
 
 @writers
-def test_a_file_of_the_user_stays(
-    name: str, place: Path, template: Path, made_by: Callable[[str], list[str]]
-) -> None:
+def test_a_file_of_the_user_stays(name: str, place: Path, template: Path, made_by: Callable[[str], list[str]]) -> None:
     """A file, a link and a folder in place of outputs; --overwrite replaces a link, not the file behind it."""
     made = made_by(name)
     assert made
@@ -258,9 +256,7 @@ def test_a_file_of_the_user_stays(
 
 
 @each_of(name for name in WRITERS if name not in NEVER_AGAIN)
-def test_a_command_replaces_what_it_wrote(
-    name: str, place: Path, made_by: Callable[[str], list[str]]
-) -> None:
+def test_a_command_replaces_what_it_wrote(name: str, place: Path, made_by: Callable[[str], list[str]]) -> None:
     """And says so, until the user changes it."""
     made = made_by(name)
     again = ruptfx(*WRITERS[name])

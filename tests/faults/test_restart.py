@@ -401,7 +401,9 @@ def assert_mine(out: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "unit", "on_two_ranks"),
     [
-        (LEAPFROG, 1e-6, 0.0), (ADAPTIVE, 0.1, 1e-10), (merged(ADAPTIVE, SAME_SUMS), 0.1, 0.0),
+        (LEAPFROG, 1e-6, 0.0),
+        (ADAPTIVE, 0.1, 1e-10),
+        (merged(ADAPTIVE, SAME_SUMS), 0.1, 0.0),
         (QUASI_DYNAMIC, 0.1, 1e-12),
     ],
     ids=["leapfrog", "adaptive", "adaptive with the same sums", "quasi-dynamic"],
@@ -488,7 +490,10 @@ def test_a_finished_run_is_there_until_the_next_one_is_complete(how, ranks, case
     assert (out / directories.NEW).is_dir()
     # What was interrupted is gone on with.
     done = subprocess.run(
-        [*python, "resume", str(out), "--ranks", str(ranks), "--quiet"], capture_output=True, text=True, timeout=LIMIT,
+        [*python, "resume", str(out), "--ranks", str(ranks), "--quiet"],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
         check=False,
     )
     assert done.returncode == 0, done.stderr

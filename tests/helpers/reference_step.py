@@ -164,8 +164,17 @@ def write_back(
             fractured = np.where(whole > shear, shear / np.where(whole > 0, whole, 1.0), 1.0) * power
         power = power - fractured
     at = Moment(
-        time, since, speed, then, done.normal_stress, old["normal_stress"], closed, fault.has_strength, power,
-        duration, fault.threshold_at(time, threshold),
+        time,
+        since,
+        speed,
+        then,
+        done.normal_stress,
+        old["normal_stress"],
+        closed,
+        fault.has_strength,
+        power,
+        duration,
+        fault.threshold_at(time, threshold),
     )
     new |= {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
     change = [done.shear_traction - fault.driving_shear(time)]

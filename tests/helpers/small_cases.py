@@ -161,9 +161,7 @@ def smooth_field(model: Any, seed: int = 0) -> np.ndarray:
     return (field * (1 + body[:, None])).ravel()
 
 
-def march(
-    case: Case, duration: float | None = None, watch: Any = None, comm: Any = None
-) -> tuple[Any, Any, Any]:
+def march(case: Case, duration: float | None = None, watch: Any = None, comm: Any = None) -> tuple[Any, Any, Any]:
     """Model, motion and state after the duration of the case; `watch(state)` is called after every step."""
     from ruptfx.run.model import Model
 

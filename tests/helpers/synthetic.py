@@ -19,8 +19,15 @@ C_P, C_S, C_R, V_IMP = 2200.0, 1255.0, 1155.0, 2.0
 LENGTH, DURATION = 0.1, 60e-6
 
 UNITS = {
-    "slip": "m", "slip_rate": "m/s", "displacement_jump": "m", "shear_traction": "Pa", "normal_stress": "Pa",
-    "opening": "m", "theta": "s", "peak_slip_rate": "m/s", "rupture_time": "s",
+    "slip": "m",
+    "slip_rate": "m/s",
+    "displacement_jump": "m",
+    "shear_traction": "Pa",
+    "normal_stress": "Pa",
+    "opening": "m",
+    "theta": "s",
+    "peak_slip_rate": "m/s",
+    "rupture_time": "s",
 }
 WORDS = {field.name: field.long_name for field in (*FIELDS, *DERIVED, *MONITORS)}
 _GLL4 = np.array([0, 1 - np.sqrt(3 / 7), 1, 1 + np.sqrt(3 / 7)]) / 2
@@ -165,9 +172,18 @@ def _write_interface(
             "y": ("position", np.zeros_like(position), {"units": "m"}),
         },
         attrs={
-            "fault": "main", "c_p": C_P, "c_s": C_S, "c_R": C_R, "plane": plane, "case_hash": "0" * 12,
-            "ruptfx_version": "0", "dolfinx_version": "0", "complete": int(complete), "loaded_end": 0.0,
-            "V_imp": V_imp, "rupture_threshold": 1e-3,
+            "fault": "main",
+            "c_p": C_P,
+            "c_s": C_S,
+            "c_R": C_R,
+            "plane": plane,
+            "case_hash": "0" * 12,
+            "ruptfx_version": "0",
+            "dolfinx_version": "0",
+            "complete": int(complete),
+            "loaded_end": 0.0,
+            "V_imp": V_imp,
+            "rupture_threshold": 1e-3,
         },
     )
     for name in (*histories, *along):
@@ -289,8 +305,16 @@ def _write_surface(
         "shear_traction_1": 70e6 - 7e6 * (slip > 0), "shear_traction_2": 0 * slip, "normal_stress": 120e6 + 0 * slip,
         "opening": 0 * slip,
     }  # fmt: skip
-    of_points = {"position": strike, "dip": dip, "x": strike, "y": 0 * dip, "z": -dip, "area": share,
-                 "peak_slip_rate": rate.max(axis=0), "rupture_time": np.where(arrival < 10.0, arrival, np.nan)}
+    of_points = {
+        "position": strike,
+        "dip": dip,
+        "x": strike,
+        "y": 0 * dip,
+        "z": -dip,
+        "area": share,
+        "peak_slip_rate": rate.max(axis=0),
+        "rupture_time": np.where(arrival < 10.0, arrival, np.nan),
+    }
     data = xarray.Dataset(
         {name: (("time", "point"), values) for name, values in fields.items()}
         | {name: ("point", values) for name, values in of_points.items()}, {"time": ("time", time)},

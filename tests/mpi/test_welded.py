@@ -67,9 +67,7 @@ def run(given: dict[str, Any], changes: dict[str, Any], steps: int) -> tuple[dic
     rows, names = [], ["x", "weight", *state.faults[model.faults[0].name]]
     for fault in model.faults:
         face, fields = fault.interface, state.faults[fault.name]
-        assert np.array_equal(
-            np.sort(parallel.share_rows(COMM, face.number[face.owned])), np.arange(face.total)
-        )
+        assert np.array_equal(np.sort(parallel.share_rows(COMM, face.number[face.owned])), np.arange(face.total))
         rows.append(np.column_stack([face.points[:, 0], face.weight, *fields.values()])[face.owned])
     everything = parallel.share_rows(COMM, np.concatenate(rows))
     everything = everything[np.argsort(everything[:, 0])]
@@ -235,9 +233,7 @@ def test_bodies_without_a_connection_are_refused(dim: int, gap: float) -> None:
 
 def test_an_interface_may_end_inside(shared_tmp_path: Path) -> None:
     """Welded beyond x = 0: the end has one node and is no point, the weights of the others are those of the whole."""
-    half, whole = (
-        points(shared_tmp_path, TWO, {"main": lines}, "upper", "lower", dim=2) for lines in ("11", "11, 21")
-    )
+    half, whole = (points(shared_tmp_path, TWO, {"main": lines}, "upper", "lower", dim=2) for lines in ("11", "11, 21"))
     # 3 elements of order 2 on each side of x = 0: nodes 0 to 5, the end would be number 6.
     assert len(half) == 6 and len(whole) == 13
     np.testing.assert_allclose(half, whole[:6], rtol=1e-12, atol=1e-15)

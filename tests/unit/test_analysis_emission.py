@@ -128,8 +128,10 @@ def test_omori_refuses_what_does_not_rise():
 def test_clusters_link_what_is_near_in_place_and_time():
     # 0-1-2 a chain, 3 near but late, 4 far away; linked within 1 mm and 1 us.
     catalogue = Catalogue(
-        time=np.array([0.0, 0.5e-6, 1.2e-6, 9e-6, 9.5e-6]), x=np.array([0.0, 0.8e-3, 1.6e-3, 0.1e-3, 20e-3]),
-        y=np.zeros(5), energy=np.array([1.0, 3.0, 2.0, 5.0, -1.0]),
+        time=np.array([0.0, 0.5e-6, 1.2e-6, 9e-6, 9.5e-6]),
+        x=np.array([0.0, 0.8e-3, 1.6e-3, 0.1e-3, 20e-3]),
+        y=np.zeros(5),
+        energy=np.array([1.0, 3.0, 2.0, 5.0, -1.0]),
     )
     found = clusters(catalogue, 1e-3, 1e3)
     assert found.label.tolist() == [0, 0, 0, 1, 2]

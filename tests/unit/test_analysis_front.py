@@ -20,9 +20,7 @@ def test_rupture_time_is_interpolated_between_saved_times():
 
 def test_sign_of_the_slip_does_not_matter():
     rate = synthetic.crack(TIME, POSITION)
-    np.testing.assert_array_equal(
-        front.rupture_time(-rate, TIME, THRESHOLD), front.rupture_time(rate, TIME, THRESHOLD)
-    )
+    np.testing.assert_array_equal(front.rupture_time(-rate, TIME, THRESHOLD), front.rupture_time(rate, TIME, THRESHOLD))
 
 
 def test_onsets_find_every_pulse():

@@ -104,8 +104,16 @@ def resting_crack(drop, weakening=0.0):
     slip = 24 / (7 * np.pi) * 2e6 / 32e9 * np.sqrt(np.maximum(1e6 - r**2, 0))
     area = np.full(len(r), (x[1] - x[0]) ** 2)
     fall = drop(r)
-    fields = {"slip_1": slip, "slip_2": 0 * r, "slip_rate_1": 0 * r, "slip_rate_2": 0 * r, "opening": 0 * r,
-              "shear_traction_1": 3e6 + 0 * r, "shear_traction_2": 0 * r, "normal_stress": 1e7 + 0 * r}
+    fields = {
+        "slip_1": slip,
+        "slip_2": 0 * r,
+        "slip_rate_1": 0 * r,
+        "slip_rate_2": 0 * r,
+        "opening": 0 * r,
+        "shear_traction_1": 3e6 + 0 * r,
+        "shear_traction_2": 0 * r,
+        "normal_stress": 1e7 + 0 * r,
+    }
     before = dict.fromkeys(fields, 0 * r) | {
         "shear_traction_1": 3e6 + fall, "normal_stress": 1e7 + 0 * r, "slip_rate_1": (slip > 0) * 1.0
     }  # fmt: skip

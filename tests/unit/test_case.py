@@ -277,8 +277,11 @@ def test_the_only_interface_is_that_of_instruments_and_terms() -> None:
                {"kind": "fault_receiver", "name": "b", "interval": 1e-7, "position": 1e-3, "fault": "other"},
                {"kind": "receiver", "name": "c", "interval": 1e-7, "point": [1e-3, 1e-3]}]  # fmt: skip
     table = plates({"instruments": entries, "objective": [{"kind": "final_slip", "target": 1e-6, "sigma": 1e-6}]})
-    table["mesh"] = {"kind": "gmsh_file", "file": "a.msh",
-                     "interfaces": {name: {"plus": "upper", "minus": "lower"} for name in ("deep", "main")}}
+    table["mesh"] = {
+        "kind": "gmsh_file",
+        "file": "a.msh",
+        "interfaces": {name: {"plus": "upper", "minus": "lower"} for name in ("deep", "main")},
+    }
     fault = table["faults"].pop("main")
     for names, expected in ((("deep",), "deep"), (("deep", "main"), "main")):
         case = parse_case({**table, "faults": dict.fromkeys(names, fault)})

@@ -307,9 +307,7 @@ def test_a_title_is_printed_as_it_is(tmp_path: Path, needs_fem: None) -> None:
 
 
 @pytest.mark.fem
-def test_ranks_are_given_names_as_they_are(
-    tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ranks_are_given_names_as_they_are(tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     write(tmp_path).rename("-x.toml")
@@ -355,8 +353,14 @@ def test_check_prints_warnings_as_sentences_below_the_table(tmp_path: Path, need
 
 def test_rows_of_check() -> None:
     """Rows of bodies that say the same are one, times and stresses have the prefix that suits them."""
-    rows = [Row("upper: c_p", 2201.0, "m/s"), Row("lower: c_p", 2201.0, "m/s"), Row("base: c_p", 6000.0, "m/s"),
-            Row("time step", 1.86e-7, "s"), Row("a: stress", 71981.2, "Pa", "x"), Row("b: stress", 71981.2, "Pa", "y")]
+    rows = [
+        Row("upper: c_p", 2201.0, "m/s"),
+        Row("lower: c_p", 2201.0, "m/s"),
+        Row("base: c_p", 6000.0, "m/s"),
+        Row("time step", 1.86e-7, "s"),
+        Row("a: stress", 71981.2, "Pa", "x"),
+        Row("b: stress", 71981.2, "Pa", "y"),
+    ]
     found = [(row.quantity, *engineering(row)) for row in merged_rows(rows)]
     assert found == [
         ("upper, lower: c_p", "2201", "m/s"), ("base: c_p", "6000", "m/s"), ("time step", "186", "ns"),
@@ -526,7 +530,6 @@ def test_flags_are_shown_without_a_type() -> None:
     assert "--quiet" in text and "<bool>" not in text.lower() and "boolean" not in text.lower()
     whole = said(ruptfx("--help"))
     assert "--version" in whole and "bool" not in whole.lower()
-
 
 
 def test_describe_profiles_and_unknown() -> None:

@@ -264,9 +264,12 @@ def test_plot_of_one_figure_and_a_part_of_the_run(pushed: Path) -> None:
     assert result.output.splitlines()[-1] == str(pushed / "figures" / "space_time_from_2us_to_3us.svg")
     assert len(list((pushed / "figures").glob("*_from_2us_to_3us.svg"))) == 1
     for options, words in (
-        (("--figure", "spacetime"), "did you mean 'space_time'?"), (("--format", "jpg"), "known: png, pdf, svg"),
-        (("--figure", "emission"), "no data for it; it has "), (("--from", "9 us"), "the saved times are 0 to 5"),
-        (("--from", "3 us", "--to", "2 us"), "give an earlier and a later time"), (("--to", "3 m"), "--to 3 m: "),
+        (("--figure", "spacetime"), "did you mean 'space_time'?"),
+        (("--format", "jpg"), "known: png, pdf, svg"),
+        (("--figure", "emission"), "no data for it; it has "),
+        (("--from", "9 us"), "the saved times are 0 to 5"),
+        (("--from", "3 us", "--to", "2 us"), "give an earlier and a later time"),
+        (("--to", "3 m"), "--to 3 m: "),
     ):
         refused = ruptfx("plot", pushed, *options)
         assert refused.exit_code == 1 and words in said(refused), said(refused)
@@ -502,10 +505,14 @@ def test_cite_says_what_the_citation_file_says() -> None:
 
 def test_events_of_a_measured_catalogue(tmp_path: Path) -> None:
     random = np.random.default_rng(5)
-    table = np.column_stack([
-        1e-3 * random.random(200), 0.05 * random.random(200), 0.1 * random.random(200),
-        -8 + random.exponential(np.log10(np.e), 200),
-    ])
+    table = np.column_stack(
+        [
+            1e-3 * random.random(200),
+            0.05 * random.random(200),
+            0.1 * random.random(200),
+            -8 + random.exponential(np.log10(np.e), 200),
+        ]
+    )
     np.savetxt(tmp_path / "measured.csv", table, delimiter=",", header="time,x,y,magnitude", comments="")
     result = ruptfx("events", tmp_path / "measured.csv", "--out", tmp_path / "events.png", "--completeness", "-7.95")
     assert result.exit_code == 0 and says("200 events that radiate energy", said(result))
@@ -542,9 +549,7 @@ def test_runs_are_compared_in_the_middle_of_what_slid_in_both():
 
     def run(low, high):
         arrival = np.where((position >= low) & (position <= high), 1.0, np.nan)
-        return SimpleNamespace(
-            position=SimpleNamespace(values=position), rupture_time=SimpleNamespace(values=arrival)
-        )
+        return SimpleNamespace(position=SimpleNamespace(values=position), rupture_time=SimpleNamespace(values=arrival))
 
     assert _place([run(1, 5), run(2, 8)]) == 3.5
     assert _place([run(1, 5), run(20, 30)]) == 5.0

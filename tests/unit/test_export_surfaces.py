@@ -262,8 +262,15 @@ def test_scec_files_are_the_record(run: Path, tmp_path: Path) -> None:
 def test_every_column_of_a_series(tmp_path: Path) -> None:
     """Seen along +y on a plane y = 0 with z up: strike is x, down dip is -z, away is y; all histories differ."""
     t = np.arange(3.0)
-    fault = {"slip_1": 1 + t, "slip_2": 2 + t, "slip_rate_1": 3 + t, "slip_rate_2": 4 + t,
-             "shear_traction_1": 5e6 + 1e5 * t, "shear_traction_2": 6e6 + 1e5 * t, "normal_stress": 7e6 + 1e5 * t}
+    fault = {
+        "slip_1": 1 + t,
+        "slip_2": 2 + t,
+        "slip_rate_1": 3 + t,
+        "slip_rate_2": 4 + t,
+        "shear_traction_1": 5e6 + 1e5 * t,
+        "shear_traction_2": 6e6 + 1e5 * t,
+        "normal_stress": 7e6 + 1e5 * t,
+    }
     body = {f"{field}_{axis}": 10 * n + m + t for n, field in enumerate(("velocity", "displacement"), 1)
             for m, axis in enumerate("xyz")}  # fmt: skip
     with Record(synthetic.write_surface_run(tmp_path / "run")) as record:

@@ -116,18 +116,25 @@ def test_profiles_are_read_with_headers_units_and_semicolons(tmp_path: Path) -> 
     assert position == pytest.approx(1e-6 * np.arange(50)) and read == pytest.approx(1e-6 * height, abs=1e-11)
     (tmp_path / "z.txt").write_text("\n".join(f"{z:.6f}" for z in height))
     assert read_profile(tmp_path / "z.txt")[0] is None
-    case = {"kind": "maxwell_slip", "alphas": [10.0], "blocks": 5, "realisations": 2,
-            "surfaces": [{"name": "mine", "profile": "p.csv", "profile_unit": 1e-6}]}
+    case = {
+        "kind": "maxwell_slip",
+        "alphas": [10.0],
+        "blocks": 5,
+        "realisations": 2,
+        "surfaces": [{"name": "mine", "profile": "p.csv", "profile_unit": 1e-6}],
+    }
     result = parse_case(case, tmp_path).run()
     assert result.R_a.values[0] == pytest.approx(roughness_of(1e-6 * height, 1e-6 * np.arange(50)), rel=1e-5)
 
 
 @pytest.mark.parametrize(
     "text, message",
-    [("a,b\n" + "1,x\n" * 9, r"line 2 of .*p\.txt: 'x' is not a finite number"),
-     ("1\n2 3\n", r"line 2 of .*p\.txt: 2 columns; every row must have the same one or two"),
-     ("1\n2\n", r"p\.txt: 2 rows; a profile must have at least 8"),
-     ("\n".join(["2 1"] * 9), r"line 2 of .* must increase")],
+    [
+        ("a,b\n" + "1,x\n" * 9, r"line 2 of .*p\.txt: 'x' is not a finite number"),
+        ("1\n2 3\n", r"line 2 of .*p\.txt: 2 columns; every row must have the same one or two"),
+        ("1\n2\n", r"p\.txt: 2 rows; a profile must have at least 8"),
+        ("\n".join(["2 1"] * 9), r"line 2 of .* must increase"),
+    ],
 )
 def test_bad_profiles_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "p.txt").write_text(text)

@@ -15,8 +15,16 @@ from ruptfx.lumped.spring_block.events import Breaks, Event, catalogue, chaining
 
 def small(**changes: object) -> Chain:
     values = {
-        "mass": 0.1, "damping": 0.0, "spring": 1e6, "drive_stiffness": 1e5, "drive_speed": 0.0,
-        "contacts": np.full(4, 3), "contact_stiffness": 1e4, "contact_strength": 1.0, "scatter": 0.0, "delay": 1e-3,
+        "mass": 0.1,
+        "damping": 0.0,
+        "spring": 1e6,
+        "drive_stiffness": 1e5,
+        "drive_speed": 0.0,
+        "contacts": np.full(4, 3),
+        "contact_stiffness": 1e4,
+        "contact_strength": 1.0,
+        "scatter": 0.0,
+        "delay": 1e-3,
     }
     return Chain(**{**values, **changes})  # type: ignore[arg-type]
 

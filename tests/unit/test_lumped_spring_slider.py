@@ -156,8 +156,12 @@ def test_results_of_an_experiment_have_names_of_their_own(experiment: Any, trace
     mass = 1.6 if experiment.name in WITH_MASS else 0.0
     elastic = 0.4e-6 if experiment.name in ("loading_unloading", "frequency_response") else 0.0
     stiffness = 1e5 if experiment.name == "stick_slip" else 2e6
-    law = PMMA if experiment is not Temperatures else find("ruptfx.laws.friction", THERMAL["kind"])(
-        **{key: value for key, value in THERMAL.items() if key != "kind"}
+    law = (
+        PMMA
+        if experiment is not Temperatures
+        else find("ruptfx.laws.friction", THERMAL["kind"])(
+            **{key: value for key, value in THERMAL.items() if key != "kind"}
+        )
     )
     model = SpringSlider(
         friction=law, normal_force=W, stiffness=stiffness, mass=mass, interface_length=elastic,
@@ -172,10 +176,12 @@ def test_results_of_an_experiment_have_names_of_their_own(experiment: Any, trace
 
 @pytest.mark.parametrize(
     "text, message",
-    [("t,v,mu\n1,2,3\n", "column time, drive_speed, friction is missing"),
-     ("# a\ntime,drive_speed,friction\n0,1e-6,0.3\n\n1,1e-6,x\n", r"line 5 of .*t\.csv: 'x' is not a finite number"),
-     ("time,drive_speed,friction\n1,1e-6,0.3\n0,1e-6,0.3\n", r"line 3 of .*t\.csv: 0 after 1"),
-     ("time,drive_speed,friction\n0,1e-6,0.3\n", "at least 20 rows")],
+    [
+        ("t,v,mu\n1,2,3\n", "column time, drive_speed, friction is missing"),
+        ("# a\ntime,drive_speed,friction\n0,1e-6,0.3\n\n1,1e-6,x\n", r"line 5 of .*t\.csv: 'x' is not a finite number"),
+        ("time,drive_speed,friction\n1,1e-6,0.3\n0,1e-6,0.3\n", r"line 3 of .*t\.csv: 0 after 1"),
+        ("time,drive_speed,friction\n0,1e-6,0.3\n", "at least 20 rows"),
+    ],
 )
 def test_bad_traces_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "t.csv").write_text(text)

@@ -417,7 +417,9 @@ def test_what_is_proposed_for_corners_and_junctions(tmp_path: Path) -> None:
     assert [len(sides[0]) for sides in raw.interfaces.values()] == [8, 2]
 
 
-SOLID = INSIDE[: INSIDE.index("Physical Surface")] + """
+SOLID = (
+    INSIDE[: INSIDE.index("Physical Surface")]
+    + """
 For k In {1:4}
   e[] = Extrude {0, 0, 2 * d} { Surface{k}; Layers{2}; Recombine; };
   block~{k} = e[1]; upper~{k} = e[4];
@@ -425,6 +427,7 @@ EndFor
 Coherence;
 Physical Volume("rock") = {1, 2, 3, 4}; Physical Volume("below") = {1, 2}; Physical Volume("above") = {3, 4};
 """
+)
 
 
 def in_solids(script: str) -> str:

@@ -88,7 +88,7 @@ def test_changed_is_a_new_checked_case() -> None:
 
 def test_changed_keeps_plug_ins(tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text(
-        "from ruptfx.laws.friction import FrictionLaw\n\n\nclass Sticky(FrictionLaw):\n    \"\"\"Sticky.\"\"\"\n"
+        'from ruptfx.laws.friction import FrictionLaw\n\n\nclass Sticky(FrictionLaw):\n    """Sticky."""\n'
         "    mu: float\n\n    def strength(self, slip_rate, normal_stress, state):\n"
         "        return self.mu * normal_stress\n"
     )

@@ -232,7 +232,10 @@ PIECES = [
     "\0", "\u00b5", "# Column #1 = t (s)", "\u2028", "\x0b", "1e-999999999", "--", "1/s", "%\n", "e",
 ]  # fmt: skip
 TABLES = [
-    "time (us), velocity (m/s)\n1,2\n3,4\n", "time (s);x (m);y (m);energy (J)\n1;2;3;4\n", "0 1\n" * 8, "1\n-1\n" * 5,
+    "time (us), velocity (m/s)\n1,2\n3,4\n",
+    "time (s);x (m);y (m);energy (J)\n1;2;3;4\n",
+    "0 1\n" * 8,
+    "1\n-1\n" * 5,
     "strike (m),dip (m),v (Pa)\n0,0,1\n1,0,2\n0,1,3\n1,1,4\n",
     "time (s),drive_speed (um/s),friction\n" + "".join(f"{i},1,0.6\n" for i in range(20)),
 ]

@@ -452,9 +452,19 @@ def test_pieces_that_move_far_are_drawn_where_they_are():
 
 @pytest.mark.parametrize(
     ("value", "unit", "name"),
-    [(0.06, "m", "mm"), (3e-5, "m", "µm"), (15e3, "m", "km"), (60e-6, "s", "µs"), (6e6, "Pa", "MPa"),
-     (0.2, "m/s", "m/s"), (9.9e7, "s", "s"), (1e8, "s", "yr"),
-     (1e-6, "m/s", "µm/s"), (0.0, "m", "m"), (np.nan, "s", "s")],
+    [
+        (0.06, "m", "mm"),
+        (3e-5, "m", "µm"),
+        (15e3, "m", "km"),
+        (60e-6, "s", "µs"),
+        (6e6, "Pa", "MPa"),
+        (0.2, "m/s", "m/s"),
+        (9.9e7, "s", "s"),
+        (1e8, "s", "yr"),
+        (1e-6, "m/s", "µm/s"),
+        (0.0, "m", "m"),
+        (np.nan, "s", "s"),
+    ],
 )
 def test_units_that_read_well(value, unit, name):
     assert scale(value, unit)[1] == name

@@ -135,7 +135,9 @@ def test_modules_beside_a_plugin_are_refused(tmp_path: Path, monkeypatch: pytest
 
 
 def test_several_classes_of_several_folders(tmp_path: Path) -> None:
-    text = LAW + '''
+    text = (
+        LAW
+        + '''
 
 from ruptfx.laws.nucleation import Nucleation
 
@@ -148,6 +150,7 @@ class SmallPush(Nucleation):
     def shear_traction(self, position, time):
         return self.push + 0 * position
 '''
+    )
     path = written(tmp_path, text, **{"faults.main.nucleation": {"kind": "small_push", "push": 2.0}})
     case = read_case(path)
     assert case.faults["main"].nucleation[0].shear_traction(np.zeros(2), 0.0).tolist() == [2.0, 2.0]
@@ -190,7 +193,7 @@ def test_an_operator_from_outside(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     from ruptfx.run.model import Model
 
-    text = '''
+    text = """
 from ruptfx.bodies.operators import Operator
 from ruptfx.bodies.operators.ufl_form import UflForm
 
@@ -202,7 +205,7 @@ class Twice(Operator):
     def add_internal_force(self, *arguments):
         self.inner.add_internal_force(*arguments)
         self.inner.add_internal_force(*arguments)
-'''
+"""
     (tmp_path / "twice.py").write_text(text)
     case = parse_case({"plugins": ["twice.py"], **plates({"operator": "twice"})}, tmp_path)
     assert type(Model(case).operator).__name__ == "Twice"
@@ -229,7 +232,9 @@ def test_a_study_keeps_its_plugins(tmp_path: Path) -> None:
 
 # -- classes of a script ---------------------------------------------------------------------------------------------
 
-SCRIPT = LAW + '''
+SCRIPT = (
+    LAW
+    + """
 
 from pathlib import Path
 
@@ -241,7 +246,8 @@ from ruptfx import Case, read_case
     case = Case(**table)
     Path("again.toml").write_text(case.to_toml())
     print(case.hash, read_case("again.toml").hash, read_case("again.toml").faults["main"].friction.kind())
-'''
+"""
+)
 
 
 def run_script(folder: Path, text: str, *how: str) -> subprocess.CompletedProcess[str]:
@@ -266,12 +272,15 @@ def test_what_cannot_be_read_again_is_refused(tmp_path: Path) -> None:
     said = run_script(tmp_path, SCRIPT % "if True:", "-").stderr.splitlines()[-1]
     assert says("MyLaw is not defined in a file; save it, for example in my_law.py", said)
     text = SCRIPT % 'if __name__ == "__main__":'
-    text = text.replace("    case =", """
+    text = text.replace(
+        "    case =",
+        """
     class Hidden(MyLaw):
         pass
 
     table["faults"]["main"]["friction"] = Hidden(mu_s=0.6)
-    case =""")
+    case =""",
+    )
     said = run_script(tmp_path, text, "my_script.py").stderr.splitlines()[-1]
     assert "Hidden is not defined at the top level of " in said and says("for example hidden.py", said)
 
@@ -526,9 +535,7 @@ def test_commands_that_run_code_name_its_file_once(
 
 
 @pytest.mark.fem
-def test_a_directory_is_judged_without_its_code(
-    foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_directory_is_judged_without_its_code(foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A case of one's own is to go on in the run of somebody else, which has another plug-in, or the same one."""
     monkeypatch.setenv("RUPTFX_TEST_MARK", str(tmp_path / "made"))
     stranger = tmp_path / "stranger"

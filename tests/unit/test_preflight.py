@@ -53,6 +53,7 @@ def test_supershear_limit_is_that_of_the_material(ratio: float, says: str) -> No
 
 def test_springs_on_which_bodies_chatter() -> None:
     """Springs of 1e15 Pa/m make the step of elements of 0.05 mm several times shorter."""
+
     def warned(stiffness: float, **changes: Any) -> tuple[float, str]:
         springs = {"kind": "compliant", "C_n": stiffness, "C_s": stiffness}
         row = rows(rough({"faults.main.contact": springs, **changes}))[": stable step without springs / with them"]
@@ -793,12 +794,19 @@ def test_bytes_of_snapshots_and_energies(
 
     output = SimpleNamespace(bulk_fields=["velocity", "stress"], bulk_precision="single", interface_steps=None)
     given = SimpleNamespace(
-        instruments=[], plane="solid" if dim == 3 else "stress", output=output, duration=20.0,
+        instruments=[],
+        plane="solid" if dim == 3 else "stress",
+        output=output,
+        duration=20.0,
         intervals={"interface": 1.0, "bulk": 5.0},
     )
     model = SimpleNamespace(
-        case=given, coordinates=np.zeros((10, dim)), components=components, total_nodes=10,
-        energy_columns=["energy"] * 7, given=[],
+        case=given,
+        coordinates=np.zeros((10, dim)),
+        components=components,
+        total_nodes=10,
+        energy_columns=["energy"] * 7,
+        given=[],
     )
     expected = 10 * (4 * 4 * (components + stresses) + 8 * (dim + 2**dim)) + 20 * 9 * 21
     assert cost._bytes_of_files(model, [], 100) == expected

@@ -58,7 +58,6 @@ def test_the_rim_of_a_patch() -> None:
         np.testing.assert_allclose(profile(kind, **ends)(places), expected, err_msg=kind)
 
 
-
 def test_a_sinusoid_and_a_spline() -> None:
     # 1 + 0.5 cos(0.3) at zero, the mean a quarter of a wavelength after the phase is made up for.
     shape = profile("sinusoid")

@@ -15,7 +15,7 @@ from ruptfx.interfaces.faults.projection import TracedLaw
 from ruptfx.laws.friction.prakash_clifton import PrakashClifton
 from ruptfx.platform.codegen.tracing import record, symbol, to_c, to_numpy
 
-LAW = '''
+LAW = """
 import math
 
 import numpy as np
@@ -40,7 +40,7 @@ class MyLaw(FrictionLaw):
 
     def advance(self, state, slip_rate, normal_stress, dt):
         %s
-'''
+"""
 LINE = LAW[: LAW.index("%s")].count("\n") + 1
 
 WORKS = [

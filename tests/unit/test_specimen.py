@@ -24,8 +24,10 @@ def build(**keys: Any) -> RawMesh:
 
 
 def areas(raw: RawMesh) -> np.ndarray:
-    first, second = raw.points[raw.cells[:, 1]] - raw.points[raw.cells[:, 0]], raw.points[raw.cells[:, 2]] - raw.points[
-        raw.cells[:, 0]]
+    first, second = (
+        raw.points[raw.cells[:, 1]] - raw.points[raw.cells[:, 0]],
+        raw.points[raw.cells[:, 2]] - raw.points[raw.cells[:, 0]],
+    )
     return 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
 
 
@@ -35,13 +37,19 @@ def length(raw: RawMesh, edge: str) -> float:
 
 
 def test_rectangle_with_platens_and_phases() -> None:
-    raw = build(platens={"thickness": 1e-3, "body": "steel"}, phases={
-        "kind": "random_cells", "fractions": {"quartz": 0.5, "mica": 0.5}})
+    raw = build(
+        platens={"thickness": 1e-3, "body": "steel"},
+        phases={"kind": "random_cells", "fractions": {"quartz": 0.5, "mica": 0.5}},
+    )
     assert raw.bodies == ["quartz", "mica", "steel"]
     area = np.bincount(raw.cell_body, areas(raw))
     assert area[2] == pytest.approx(2 * 4e-3 * 1e-3) and area[:2].sum() == pytest.approx(4e-3 * 6e-3)
     assert {edge: pytest.approx(length(raw, edge)) for edge in raw.edges} == {
-        "steel.bottom": 4e-3, "steel.top": 4e-3, "specimen.left": 6e-3, "specimen.right": 6e-3}
+        "steel.bottom": 4e-3,
+        "steel.top": 4e-3,
+        "specimen.left": 6e-3,
+        "specimen.right": 6e-3,
+    }
     assert raw.points[raw.edges["steel.top"]][:, :, 1] == pytest.approx(4e-3)
     assert np.sqrt(areas(raw).mean() * 4 / np.sqrt(3)) == pytest.approx(0.5e-3, rel=0.15)  # edges of equal triangles
 
@@ -74,14 +82,25 @@ def test_joints_are_lines_of_facets_with_a_name() -> None:
     assert len(raw.open_facets) == 0
 
 
-@pytest.mark.parametrize("keys, message", [
-    ({"element_size": 1e-6}, "would make"),
-    ({"joints": {"old": [9e-3, 0, 9e-3, 1e-3]}}, r"mesh\.joints\.old: no part of it is inside"),
-    ({"parts": {"struck": [1e-3, 0, 1e-3, 1e-3]}}, r"mesh\.parts\.struck: no part of the boundary"),
-    ({"platens": {"thickness": 1e-3, "body": "quartz"},
-      "phases": {"kind": "random_cells", "fractions": {"quartz": 1.0}}}, "name of a phase"),
-    ({"phases": {"kind": "voronoi_grains", "fractions": {"quartz": 1.0}, "grain_size": 0.6e-3}}, "less than two cells"),
-])
+@pytest.mark.parametrize(
+    "keys, message",
+    [
+        ({"element_size": 1e-6}, "would make"),
+        ({"joints": {"old": [9e-3, 0, 9e-3, 1e-3]}}, r"mesh\.joints\.old: no part of it is inside"),
+        ({"parts": {"struck": [1e-3, 0, 1e-3, 1e-3]}}, r"mesh\.parts\.struck: no part of the boundary"),
+        (
+            {
+                "platens": {"thickness": 1e-3, "body": "quartz"},
+                "phases": {"kind": "random_cells", "fractions": {"quartz": 1.0}},
+            },
+            "name of a phase",
+        ),
+        (
+            {"phases": {"kind": "voronoi_grains", "fractions": {"quartz": 1.0}, "grain_size": 0.6e-3}},
+            "less than two cells",
+        ),
+    ],
+)
 def test_what_is_refused(keys: dict[str, Any], message: str) -> None:
     with pytest.raises(CaseError, match=facts(message)):
         build(**keys)

@@ -124,8 +124,10 @@ def test_identity_is_the_case_without_its_axes(tmp_path):
         (f"[[axis]]\n{SIGMA}\nvalues = [1e6]", "unknown key 'axis', did you mean 'axes'"),
         (f"[[axes]]\n{SIGMA}\nvalues = [1e6]\n[[axes]]\n{SIGMA}\nvalues = [1e6]", "two axes are called 'normal'"),
         (f'sampling = "latin_hypercube"\n[[axes]]\n{SIGMA}\nvalues = [1e6]', "needs samples"),
-        ('sampling = "cma_es"\nsamples = 3\n[[axes]]\nkey = "duration"\nrange = [1e-6, 2e-6]',
-         'sampling = "search" or "cma_es"'),
+        (
+            'sampling = "cma_es"\nsamples = 3\n[[axes]]\nkey = "duration"\nrange = [1e-6, 2e-6]',
+            'sampling = "search" or "cma_es"',
+        ),
         (f"{SEARCH}[search.start]\nL_pp = 2e-6", "search.start.L_pp: no axis with a range, did you mean 'L_p'"),
         (f"{SEARCH}[search.start]\nL_p = 1.0", "search.start.L_p = 1: outside of its range, 1e-06 to 0.0001"),
         (SEARCH.replace("at_least = 1.0", ""), "give one of target, at_least and at_most"),

@@ -209,7 +209,7 @@ def test_a_study_is_listed_as_one_row(tmp_path: Path) -> None:
 
 def test_time_limit(tmp_path):
     found = run(tmp_path, [17.0], [1e6], top="time_limit = 0.5")
-    assert found.points[0][1]["error"] .startswith("took longer than time_limit = 0.5 s")
+    assert found.points[0][1]["error"].startswith("took longer than time_limit = 0.5 s")
 
 
 def test_two_processes_and_another_study_are_refused(tmp_path):
@@ -375,7 +375,9 @@ def test_a_boundary_of_the_wanted_width_is_not_bisected_again(width, count, monk
     point = SimpleNamespace(coordinates={"a": 0.0}, values={"a": 0.0}, hash="x")
     monkeypatch.setattr(refine, "boundaries", lambda study, known: iter([refine.Step("a", point, point, width)]))
     study = SimpleNamespace(
-        base=dict, refine=SimpleNamespace(width=0.25), axis=lambda name: SimpleNamespace(middle=lambda low, high: 0.5),
+        base=dict,
+        refine=SimpleNamespace(width=0.25),
+        axis=lambda name: SimpleNamespace(middle=lambda low, high: 0.5),
         point=lambda values, origin, table: SimpleNamespace(hash="y"),
     )
     assert len(refine.bisections(study, [])) == count

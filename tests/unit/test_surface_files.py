@@ -26,9 +26,7 @@ VALUES = np.array([1.0, 6.0, 3.5, 4.5]) * 1e6
 
 
 def shear_of(table: dict[str, Any], directory: Path) -> SurfaceTable:
-    case = parse_case(
-        strike_slip({"faults.main.initial_stress.shear": {"kind": "surface_table", **table}}), directory
-    )
+    case = parse_case(strike_slip({"faults.main.initial_stress.shear": {"kind": "surface_table", **table}}), directory)
     shear = case.faults["main"].initial_stress.shear
     assert isinstance(shear, SurfaceTable)
     return shear

@@ -187,9 +187,7 @@ def slip_times(element_size: float) -> dict[str, np.ndarray]:
         for name, times in found.items():
             times[np.isnan(times) & (state.faults[name]["slip"] > 0.2)] = state.fault_time
     stations = np.arange(1e3, 11.1e3, 1e3)
-    return {
-        fault.name: np.interp(stations, fault.interface.position, found[fault.name]) for fault in model.faults
-    }
+    return {fault.name: np.interp(stations, fault.interface.position, found[fault.name]) for fault in model.faults}
 
 
 def test_fronts_of_the_demo_go_on_along_both_and_converge() -> None:

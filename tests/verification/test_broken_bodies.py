@@ -25,9 +25,7 @@ LENGTH, WIDTH, STRENGTH = 2e-3, 1e-3, 4e6
 END = 4 * LENGTH * STRENGTH / YOUNG  # opening at failure: softer than the bar, which is stable
 
 
-@pytest.mark.parametrize(
-    ("way", "kind"), [("extrinsic", "linear"), ("extrinsic", "munjiza"), ("intrinsic", "linear")]
-)
+@pytest.mark.parametrize(("way", "kind"), [("extrinsic", "linear"), ("extrinsic", "munjiza"), ("intrinsic", "linear")])
 def test_a_short_bar_is_torn_along_its_law(way: str, kind: str) -> None:
     """Force over displacement, and the work to failure.
 
@@ -123,8 +121,9 @@ def test_an_orthotropic_patch_has_its_strain_energy(compensate: bool, plane: str
     c, s = np.cos(angle), np.sin(angle)
     for stress in (np.diag([0.0, 1e6]), np.array([[0.0, 1e6], [1e6, 0.0]])):
         sides = (("top", (0, 1)), ("bottom", (0, -1)), ("right", (1, 0)), ("left", (-1, 0)))
-        loads = [{"kind": "traction", "edge": f"specimen.{side}", "traction": (stress @ n).tolist()}
-                 for side, n in sides]
+        loads = [
+            {"kind": "traction", "edge": f"specimen.{side}", "traction": (stress @ n).tolist()} for side, n in sides
+        ]
         model = Model(case({
             "mesh": mesh, "plane": plane, "materials.default": laminate,
             "fracture.default.cohesion": NEVER, "fracture.compensate": compensate, "boundaries": loads,

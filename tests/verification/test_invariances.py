@@ -565,8 +565,12 @@ def _halved(node: Any, keys: tuple[str, ...]) -> Any:
     return 0.5 * node if isinstance(node, float) else node
 
 
-@transformation(lambda table: any(b["kind"] in ("traction", "point_force") for b in table.get("boundaries", []))
-                or any(each["kind"] == "overstress" for fault in faults(table) for each in fault["nucleation"]))
+@transformation(
+    lambda table: (
+        any(b["kind"] in ("traction", "point_force") for b in table.get("boundaries", []))
+        or any(each["kind"] == "overstress" for fault in faults(table) for each in fault["nucleation"])
+    )
+)
 def loads_in_halves(table: Table, rng: np.random.Generator) -> Changed:
     result = copy.deepcopy(table)
     boundaries = result.get("boundaries", [])
@@ -583,10 +587,16 @@ def loads_in_halves(table: Table, rng: np.random.Generator) -> Changed:
 # -- another dimension, another half -----------------------------------------------------------------------------------
 
 
-@transformation(lambda table: table["plane"] == "strain" and is_plain(table) and bool(faults(table))
-                and not table.get("stages")
-                and table["mesh"]["kind"] in ("two_plates", "half_plate", "branched_fault")
-                and all(b["kind"] in ("driven", "absorbing") for b in loads(table)))
+@transformation(
+    lambda table: (
+        table["plane"] == "strain"
+        and is_plain(table)
+        and bool(faults(table))
+        and not table.get("stages")
+        and table["mesh"]["kind"] in ("two_plates", "half_plate", "branched_fault")
+        and all(b["kind"] in ("driven", "absorbing") for b in loads(table))
+    )
+)
 def extruded(table: Table, rng: np.random.Generator) -> Changed:
     """Plane strain is a solid whose faces do not move along z."""
     result = copy.deepcopy(table)
@@ -621,9 +631,15 @@ def extruded(table: Table, rng: np.random.Generator) -> Changed:
     return Changed(result, section, 1e-7, section)
 
 
-@transformation(lambda table: table["mesh"]["kind"] == "half_plate" and table["mesh"]["symmetry"] == "antisymmetric"
-                and all(b["kind"] == "absorbing" for b in loads(table)) and {*table["materials"]} == {"default"}
-                and "thickness" not in table["damping"].get("kelvin_voigt", {}))
+@transformation(
+    lambda table: (
+        table["mesh"]["kind"] == "half_plate"
+        and table["mesh"]["symmetry"] == "antisymmetric"
+        and all(b["kind"] == "absorbing" for b in loads(table))
+        and {*table["materials"]} == {"default"}
+        and "thickness" not in table["damping"].get("kelvin_voigt", {})
+    )
+)
 def a_whole_for_a_half(table: Table, rng: np.random.Generator) -> Changed:
     """Two plates that shear each other move antisymmetrically: half of the motion of the whole is not meshed."""
     result = copy.deepcopy(table)
@@ -637,8 +653,13 @@ def a_whole_for_a_half(table: Table, rng: np.random.Generator) -> Changed:
                    lambda run: {k: v for k, v in run.items() if k.startswith("interface")})  # fmt: skip
 
 
-@transformation(lambda table: table["plane"] == "antiplane" and not any(b.get("velocity") for b in loads(table))
-                and all(isinstance(f["initial_stress"].get("shear"), float) for f in faults(table)))
+@transformation(
+    lambda table: (
+        table["plane"] == "antiplane"
+        and not any(b.get("velocity") for b in loads(table))
+        and all(isinstance(f["initial_stress"].get("shear"), float) for f in faults(table))
+    )
+)
 def the_other_sense(table: Table, rng: np.random.Generator) -> Changed:
     """Antiplane motion with the opposite sign."""
     result = copy.deepcopy(table)

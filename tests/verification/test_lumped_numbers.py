@@ -38,7 +38,5 @@ def test_first_rupture_of_the_chain_without_scatter(ratio: float) -> None:
 
 def test_events_do_not_depend_on_the_time_step() -> None:
     # Until the first detachment of many contacts the motion is not chaotic: halving the step moves it little.
-    times = [
-        float(SpringBlock(duration=0.32, step=step).run().event_start[0]) for step in (0.5, 0.25)
-    ]
+    times = [float(SpringBlock(duration=0.32, step=step).run().event_start[0]) for step in (0.5, 0.25)]
     assert times[0] == pytest.approx(times[1], abs=2e-5)

@@ -51,7 +51,8 @@ OF_THE_PROCESS = (
 REMADE = (
     r"^recorder\._bulk\._(volume|stress_forms)",  # made when stress is first recorded
     r"geometry\.revision$",  # a number for each geometry made in this process
-    r"geometry\._arrays", r"^motion\.mechanisms\.\d+\.steps\.",  # arrays that compiled steps are bound to when called
+    r"geometry\._arrays",
+    r"^motion\.mechanisms\.\d+\.steps\.",  # arrays that compiled steps are bound to when called
     r"^motion\._sums\.",  # energies that a step summed on its way, valid for the step whose number they have
     r"followers\.\d+\._room$",  # a bound below the slip that is left, found again when it is used up
     r"^model\.collisions\._then\b",  # positions when pairs were last sought: sought again at once after a restart

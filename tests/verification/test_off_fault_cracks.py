@@ -235,7 +235,9 @@ def test_sweeps_go_on_until_the_changes_of_all_ranks_are_small_beside_the_larges
     given = {**PATCH, "faults.main.contact": RIGID, "fracture": cut}
     sweeps, open_steps = {}, {}
     for name, other in {
-        "alike": lambda own: own, "changes": lambda own: [1e30, own[1]], "large": lambda own: [0.0, 1e6 * own[1]],
+        "alike": lambda own: own,
+        "changes": lambda own: [1e30, own[1]],
+        "large": lambda own: [0.0, 1e6 * own[1]],
     }.items():
         model = Model(parse_case(faulted(given), HERE))
         motion, state = stages.bind(model), model.initial_state()

@@ -170,5 +170,13 @@ def test_edges_that_do_not_match_are_refused() -> None:
 ], ids=["one side of an interface", "its other side", "steps of PETSc", "two directions", "driven alone"])  # fmt: skip
 def test_what_cannot_be_tied_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises((CaseError, RuptfxError), match=facts(said)):
-        Model(case({"faults.main.contact": SPLIT if "stepper" not in changes else {"kind": "compliant", "C_n": 3e11,
-                                                                                   "C_s": 1e11}, **changes}))
+        Model(
+            case(
+                {
+                    "faults.main.contact": SPLIT
+                    if "stepper" not in changes
+                    else {"kind": "compliant", "C_n": 3e11, "C_s": 1e11},
+                    **changes,
+                }
+            )
+        )

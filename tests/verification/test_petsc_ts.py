@@ -56,8 +56,9 @@ def test_goes_to_the_limit_of_leapfrog_at_its_order(scheme: str, lowest: float, 
 
 def test_verlet_is_leapfrog() -> None:
     """The same positions to rounding."""
-    ours, theirs = displacement({"kind": "petsc_ts", "scheme": "basicsymplectic"}, 80), displacement(
-        {"kind": "leapfrog"}, 80
+    ours, theirs = (
+        displacement({"kind": "petsc_ts", "scheme": "basicsymplectic"}, 80),
+        displacement({"kind": "leapfrog"}, 80),
     )
     np.testing.assert_allclose(ours, theirs, atol=1e-9 * np.abs(theirs).max())
 

@@ -83,9 +83,12 @@ def test_nearest_point_of_a_wavy_interface() -> None:
     position, foot = nearest_on_line(face, fem.MPI.COMM_WORLD, 0.5 * (a + b) + 5e-5 * across)
     np.testing.assert_allclose(foot, 0.5 * (a + b), atol=1e-12)
     assert position == pytest.approx(0.5 * np.linalg.norm(b - a), rel=1e-9)
-    with pytest.raises(RuptfxError, match=facts(
-        r"\(0.006, 0.001\) m is .* m from the interface, at most 0.00012 m .* \(0\.00[0-9]+, [-0-9.e]+\) m"
-    )):
+    with pytest.raises(
+        RuptfxError,
+        match=facts(
+            r"\(0.006, 0.001\) m is .* m from the interface, at most 0.00012 m .* \(0\.00[0-9]+, [-0-9.e]+\) m"
+        ),
+    ):
         nearest_on_line(face, fem.MPI.COMM_WORLD, np.array([6e-3, 1e-3]))
 
 

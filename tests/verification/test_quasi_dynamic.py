@@ -148,7 +148,9 @@ ETA = 1 / sum(np.sqrt(2 * (1 + nu) / (E * rho)) for E, nu, rho in ((2e9, 0.3, 11
 @pytest.mark.parametrize(
     ("law", "shear"),
     [
-        ({"V_initial": 0.9e-3}, 3.6e6), ({"V_initial": 2e-3}, 3.6e6), ({"V_initial": 0.1}, 3.6e6),
+        ({"V_initial": 0.9e-3}, 3.6e6),
+        ({"V_initial": 2e-3}, 3.6e6),
+        ({"V_initial": 0.1}, 3.6e6),
         ({"theta_initial": 1e-3}, 4.2e6),
     ],
 )

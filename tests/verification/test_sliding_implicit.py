@@ -605,6 +605,7 @@ def test_goes_on_with_the_same_bits(case_file: Path, alone: Path) -> None:
 
 # -- what is refused -----------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize(
     "replaced, options, message",
     [

@@ -280,6 +280,7 @@ def test_slip_that_relaxes_the_normal_stress_of_the_bodies_beside_the_interface(
 
 def test_strains_are_those_of_the_bodies_beside_the_interface():
     """rho c_p^2 = E / (1 - nu^2) = 6.04 GPa carries 200 MPa by 3.3 %; strips of 0.604 GPa, 2 mm away, do not count."""
+
     def doubted(changes):
         loaded = changes | {"faults.main.initial_stress.normal": 200e6}
         return [each.quantity for each in doubts(Model(case(loaded), COMM)) if "initial_stress" in each.quantity]

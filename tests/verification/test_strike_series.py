@@ -120,8 +120,10 @@ def test_as_the_true_mesh_in_three_dimensions(monkeypatch: pytest.MonkeyPatch) -
     Its ends along z are planes of antisymmetry in u_x, u_y and of symmetry in u_z, as those of the series.
     """
     monkeypatch.setattr(Section, "strain_measure", Section.measure)  # the quadrature of other meshes
-    bodies = {"upper": {"kind": "isotropic_elastic", "young_modulus": 80e9, "poisson_ratio": 0.25, "density": 2700.0},
-              "lower": {"kind": "isotropic_elastic", "young_modulus": 30e9, "poisson_ratio": 0.3, "density": 2500.0}}
+    bodies = {
+        "upper": {"kind": "isotropic_elastic", "young_modulus": 80e9, "poisson_ratio": 0.25, "density": 2700.0},
+        "lower": {"kind": "isotropic_elastic", "young_modulus": 30e9, "poisson_ratio": 0.3, "density": 2500.0},
+    }
     flat = {"kind": "two_plates", "length": 1.0, "height": 1.0, "element_size": 0.5}
     far = [{"kind": "driven", "edge": edge, "component": axis, "velocity": 0.0}
            for edge in ("upper.top", "lower.bottom") for axis in "xyz"]  # fmt: skip

@@ -100,9 +100,7 @@ class Rupture:
         return Check("energy closure", 0.0, self.closure, tolerance, "1", source)
 
 
-def rupture(
-    table: Table, stride: int = 1, energies: int = 10, comm: MPI.Comm | None = None
-) -> Rupture:
+def rupture(table: Table, stride: int = 1, energies: int = 10, comm: MPI.Comm | None = None) -> Rupture:
     """Run a case in memory on one rank.
 
     Parameters

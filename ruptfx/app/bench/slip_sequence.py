@@ -192,8 +192,9 @@ def run(fine: bool, comm: MPI.Comm) -> list[Check]:
     origins = [np.median([event.origin for event in each.precursors]) for each in (base, stiff)]
     checks = [
         Check("machine of 4 MN/m: precursors begin at, median", 5e-3, origins[0], 0, "m", SOURCE, "at most"),
-        Check("machine ten times as stiff: precursors begin at, median", 10e-3, origins[1], 0, "m", "study",
-              "at least"),
+        Check(
+            "machine ten times as stiff: precursors begin at, median", 10e-3, origins[1], 0, "m", "study", "at least"
+        ),
         Check("precursors before the first whole slide", 3, len(base.precursors), 0, "1", SOURCE, "at least"),
     ]
     if not fine:

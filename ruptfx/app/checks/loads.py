@@ -34,8 +34,10 @@ def _samples_row(quantity: str, boundary: Boundary, samples: Samples, end: float
     where = ", ".join(filter(None, (boundary.kind(), getattr(boundary, "edge", ""), samples.file)))
     note = f"{where}: {first:.4g} to {last:.4g} s; the run sees {low:.4g} to {high:.4g}{unit} in {end:.4g} s"
     if last > LONG_AFTER * end:
-        note += f"; they end {last / end:.3g} times later than the run: are the times in SI units? A header such as " \
-                "'time (us)' says so"
+        note += (
+            f"; they end {last / end:.3g} times later than the run: are the times in SI units? A header such as "
+            "'time (us)' says so"
+        )
     elif first >= end:
         note += "; the run ends before the first: a longer duration, or earlier times"
     elif last < end * (1 - 1e-9) and not samples.constant_after:

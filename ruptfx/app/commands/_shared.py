@@ -68,7 +68,9 @@ def keys(context: typer.Context, incomplete: str) -> list[str]:
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="<key=value>", help='Replace a value of the case, e.g. mesh.element_size="2 mm"; repeatable.',
+        "--set",
+        metavar="<key=value>",
+        help='Replace a value of the case, e.g. mesh.element_size="2 mm"; repeatable.',
         autocompletion=keys,
     ),
 ]

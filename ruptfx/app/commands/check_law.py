@@ -15,10 +15,16 @@ HEADING = "Verify and extend"
 
 
 def check_law(
-    law: Annotated[str, typer.Argument(
-        help="Python file with friction laws, cohesive laws or materials, or a kind.", show_default=False)],
-    set_: Annotated[list[str] | None, typer.Option(
-        "--set", metavar="<key=value>", help="Value of a parameter, e.g. mu_s=0.6; repeatable.")] = None,
+    law: Annotated[
+        str,
+        typer.Argument(
+            help="Python file with friction laws, cohesive laws or materials, or a kind.", show_default=False
+        ),
+    ],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="<key=value>", help="Value of a parameter, e.g. mu_s=0.6; repeatable."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the pictures.")] = Path("."),
     overwrite: Overwrite = False,
 ) -> None:

@@ -41,8 +41,10 @@ ROUNDING = {"energy_closure": 1e-9}
 def compare(
     first: Annotated[Path, typer.Argument(help="A run directory.", autocompletion=runs, show_default=False)],
     second: Annotated[
-        Path, typer.Argument(help="Another one, or a CSV file with measured signals.", autocompletion=runs_and_files,
-                             show_default=False)
+        Path,
+        typer.Argument(
+            help="Another one, or a CSV file with measured signals.", autocompletion=runs_and_files, show_default=False
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Figure of both.")] = Path("comparison.png"),
     instrument: Annotated[
@@ -51,8 +53,10 @@ def compare(
     channel: Annotated[str | None, typer.Option(help="Only this channel, such as extension_2.")] = None,
     most_shift: Annotated[
         str | None,
-        typer.Option(metavar="<time>",
-                     help="Largest time shift to try, as '5 us', or a number in s; default a quarter of the record."),
+        typer.Option(
+            metavar="<time>",
+            help="Largest time shift to try, as '5 us', or a number in s; default a quarter of the record.",
+        ),
     ] = None,
     time_shift: Annotated[
         str | None,

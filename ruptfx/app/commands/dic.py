@@ -24,8 +24,12 @@ def dic(
     after: Annotated[Path, typer.Argument(help="Picture after the deformation, of the same size.", show_default=False)],
     subset: Annotated[int, typer.Option(help="Side of the correlated square in pixels, odd.")] = 21,
     window: Annotated[int | None, typer.Option(help="Side of the strain window in pixels; default: --subset.")] = None,
-    pixel: Annotated[str | None, typer.Option(
-        metavar="<length>", help="Size of a pixel, as '20 um', or a number in m; default: lengths in pixels.")] = None,
+    pixel: Annotated[
+        str | None,
+        typer.Option(
+            metavar="<length>", help="Size of a pixel, as '20 um', or a number in m; default: lengths in pixels."
+        ),
+    ] = None,
     least: Annotated[
         float, typer.Option(min=-1.0, max=1.0, help="Correlation below which a subset is lost and left blank.")
     ] = 0.7,

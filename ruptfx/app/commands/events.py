@@ -23,27 +23,54 @@ SHOWN = ("time", "duration", "magnitude", "slip", "stress_drop", "strike", "dip"
 
 
 def events(
-    source: Annotated[Path, typer.Argument(
-        help="Directory of a run with fracture or of cycles on surfaces, or a CSV file with the columns time (s), "
-             "x, y (m) and magnitude or energy (J).", show_default=False)],
-    smallest: Annotated[float | None, typer.Option(
-        help="Smallest magnitude that counts; default: no limit for a catalogue, -10 for a run.",
-        show_default=False)] = None,
-    completeness: Annotated[float | None, typer.Option(
-        help="Magnitude above which the catalogue is complete; default: the most frequent magnitude.")] = None,
-    distances: Annotated[tuple[float, float] | None, typer.Option(
-        help="Smallest and largest distance in m for the fractal dimension; default: for a catalogue 1/30 and 1/3 "
-             "of its narrower extent, for a run two cells and 1/3 of its narrower side.")] = None,
-    failure_time: Annotated[float | None, typer.Option(
-        help="Time of the failure that follows the events, in s; default: for a run its first stress peak.")] = None,
-    link: Annotated[tuple[float, float] | None, typer.Option(
-        help="Distance in m and speed in m/s: events closer than the distance, and within the time that the speed "
-             "needs for it, count as one; default: for a run three cells and half the lowest c_s.")] = None,
-    table: Annotated[bool, typer.Option(
-        "--csv", help="Also write all events of a run to events.csv in its directory.")] = False,
-    out: Annotated[Path | None, typer.Option(
-        help="Picture; default: events.png, for a run RUN/figures/emission.png, of surfaces catalogue.png.",
-        show_default=False)] = None,
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="Directory of a run with fracture or of cycles on surfaces, or a CSV file with the columns time (s), "
+            "x, y (m) and magnitude or energy (J).",
+            show_default=False,
+        ),
+    ],
+    smallest: Annotated[
+        float | None,
+        typer.Option(
+            help="Smallest magnitude that counts; default: no limit for a catalogue, -10 for a run.", show_default=False
+        ),
+    ] = None,
+    completeness: Annotated[
+        float | None,
+        typer.Option(help="Magnitude above which the catalogue is complete; default: the most frequent magnitude."),
+    ] = None,
+    distances: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            help="Smallest and largest distance in m for the fractal dimension; default: for a catalogue 1/30 and 1/3 "
+            "of its narrower extent, for a run two cells and 1/3 of its narrower side."
+        ),
+    ] = None,
+    failure_time: Annotated[
+        float | None,
+        typer.Option(
+            help="Time of the failure that follows the events, in s; default: for a run its first stress peak."
+        ),
+    ] = None,
+    link: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            help="Distance in m and speed in m/s: events closer than the distance, and within the time that the speed "
+            "needs for it, count as one; default: for a run three cells and half the lowest c_s."
+        ),
+    ] = None,
+    table: Annotated[
+        bool, typer.Option("--csv", help="Also write all events of a run to events.csv in its directory.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Picture; default: events.png, for a run RUN/figures/emission.png, of surfaces catalogue.png.",
+            show_default=False,
+        ),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """List the earthquakes of a surface, or estimate b-value, fractal dimension and Omori exponent; draw a figure.

@@ -43,7 +43,8 @@ def new(
     from_: Annotated[
         str,
         typer.Option(
-            "--from", help="A demo: impact, antiplane, bimaterial, gmsh ...; an unknown name prints the list.",
+            "--from",
+            help="A demo: impact, antiplane, bimaterial, gmsh ...; an unknown name prints the list.",
             autocompletion=completed_from(cases),
         ),
     ] = "impact",

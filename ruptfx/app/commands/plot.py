@@ -43,10 +43,14 @@ def plot(  # noqa: C901
         list[str] | None,
         typer.Option(help="Only this figure, such as space_time; repeatable.", autocompletion=completed_from(figures)),
     ] = None,
-    since: Annotated[str | None, typer.Option(
-        "--from", metavar="<time>", help="Only times from this one on, as '10 us', or a number in s.")] = None,
-    until: Annotated[str | None, typer.Option(
-        "--to", metavar="<time>", help="Only times up to this one, as '30 us', or a number in s.")] = None,
+    since: Annotated[
+        str | None,
+        typer.Option("--from", metavar="<time>", help="Only times from this one on, as '10 us', or a number in s."),
+    ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option("--to", metavar="<time>", help="Only times up to this one, as '30 us', or a number in s."),
+    ] = None,
     interface: Interface = None,
     trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
     overwrite: Overwrite = False,

@@ -16,8 +16,9 @@ HEADING = "Compute"
 
 def resume(
     run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
-    duration: Annotated[str | None, typer.Option(
-        metavar="<time>", help="New duration of the run, as '90 us', or a number in s.")] = None,
+    duration: Annotated[
+        str | None, typer.Option(metavar="<time>", help="New duration of the run, as '90 us', or a number in s.")
+    ] = None,
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:

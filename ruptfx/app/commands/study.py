@@ -22,8 +22,9 @@ def study(
     refine: Annotated[bool, typer.Option("--refine", help="Locate mode boundaries, check on a finer mesh.")] = False,
     retry: Annotated[bool, typer.Option("--retry", help="Run failed points again.")] = False,
     set_: Overrides = None,
-    overwrite: Annotated[bool, typer.Option(
-        "--overwrite", help="Replace another study in --out; points that both have are kept.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace another study in --out; points that both have are kept.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Run a case over axes of parameters; started again, run only the missing points.

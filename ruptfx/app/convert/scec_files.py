@@ -160,9 +160,7 @@ def files(record: Record, folder: Path, note: Callable[[str], object] = print) -
                 raise
             note(f"not written: {error}")
     if not views:
-        raise RuptfxError(
-            f"export --format scec: {record.path} has no interface with a strike; use --format vtkhdf"
-        )
+        raise RuptfxError(f"export --format scec: {record.path} has no interface with a strike; use --format vtkhdf")
     for name, view in views.items():
         yield _contours(record, name, view, folder)
     written: set[str] = set()
@@ -233,9 +231,7 @@ def _fault_columns(data: Data, view: View) -> dict[Column, Array]:
     return columns
 
 
-def _in_body(
-    record: Record, table: Table, data: Data, view: View, folder: Path, written: Collection[str] = ()
-) -> Path:
+def _in_body(record: Record, table: Table, data: Data, view: View, folder: Path, written: Collection[str] = ()) -> Path:
     """Write what a receiver in the bodies recorded."""
     columns = _body_columns(table, data, view)
     point = np.array(table["point"], dtype=float)

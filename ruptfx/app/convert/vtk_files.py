@@ -77,12 +77,9 @@ def whole(record: Record, folder: Path) -> Iterator[Path]:
         cells, kind_of_cell = _interface_cells(data)
         of_points = data["position"].dims  # of a surface its points
         still = {str(key): field.values for key, field in data.data_vars.items() if field.dims == of_points}
-        moments = (
-            (float(time), {**_moving(data, number), **still}) for number, time in enumerate(data["time"].values)
-        )
+        moments = ((float(time), {**_moving(data, number), **still}) for number, time in enumerate(data["time"].values))
         _write(path, _three(along), cells, kind_of_cell, {}, moments)
         yield path
-
 
     for table in record.case.get("instruments", []):
         if table["kind"] == "receiver_grid":

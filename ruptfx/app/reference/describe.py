@@ -60,7 +60,12 @@ TABLES: dict[str, dict[str, type[Part]]] = {
     "stop_when": {"stop_when": StopWhen},
     "damping": {"damping": Damping, "damping.kelvin_voigt": KelvinVoigt},
     "study": {
-        "study": Study, "axes": Axis, "refine": Refine, "marks": Mark, "search": Search, "search.goals": Goal,
+        "study": Study,
+        "axes": Axis,
+        "refine": Refine,
+        "marks": Mark,
+        "search": Search,
+        "search.goals": Goal,
     },
 }
 """Tables of a case or a study that have no kind, by the topic of `ruptfx describe` and by their keys."""
@@ -139,8 +144,8 @@ def _library() -> Entry:
     """Return the materials that a case may name."""
     keys = [Key(name, "", "", "", in_words(name)) for name in LIBRARY]
     details = (
-        "materials.upper = \"pmma\" stands for its constants, and a table may replace some of them:\n"
-        "materials.upper = { name = \"pmma\", density = \"1180 kg/m3\" }. The resolved case contains the numbers."
+        'materials.upper = "pmma" stands for its constants, and a table may replace some of them:\n'
+        'materials.upper = { name = "pmma", density = "1180 kg/m3" }. The resolved case contains the numbers.'
     )
     return Entry("by name", "Materials of the library, isotropic elastic.", details, {}, keys)
 

@@ -59,8 +59,10 @@ class IncidentWave(EdgeBoundary):
         if plane == "antiplane" and self.wave != "S":
             raise ValueError(f"{key}.wave = '{self.wave}': plane = 'antiplane' has S waves only; use 'S'")
         if (self.polarisation is not None) != (plane == "solid" and self.wave == "S"):
-            raise ValueError(f"{key}.polarisation: S waves in plane = 'solid' need it, all others go without; "
-                             f"{'give' if self.polarisation is None else 'remove'} it")
+            raise ValueError(
+                f"{key}.polarisation: S waves in plane = 'solid' need it, all others go without; "
+                f"{'give' if self.polarisation is None else 'remove'} it"
+            )
         if self.polarisation is not None:
             check_vector(f"{key}.polarisation", self.polarisation, components)
             along = np.dot(self.polarisation, self.direction)

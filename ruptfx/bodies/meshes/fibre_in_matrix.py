@@ -57,5 +57,6 @@ class FibreInMatrix(MeshSource):
         inward[0] = self.hole
         return Lattice(
             columns_of(self.left, self.length, self.element_size),
-            {"matrix": self.radius + matrix, "fibre": np.asarray(inward)}, ("main",),
+            {"matrix": self.radius + matrix, "fibre": np.asarray(inward)},
+            ("main",),
         )

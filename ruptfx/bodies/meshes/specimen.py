@@ -90,8 +90,10 @@ class Specimen(MeshSource):
     def build(self) -> RawMesh:
         cells = self._area() / (np.sqrt(3) / 4 * self.element_size**2)
         if cells > MOST_CELLS:
-            raise CaseError(f"mesh.element_size = {self.element_size:g} m would make {cells:.2g} triangles; "
-                            f"at most {MOST_CELLS:.0g} are made")
+            raise CaseError(
+                f"mesh.element_size = {self.element_size:g} m would make {cells:.2g} triangles; "
+                f"at most {MOST_CELLS:.0g} are made"
+            )
         points, triangles, platen, lines, joints = self._mesh()
         bodies, cell_body = self._bodies(points, triangles, platen)
         raw = RawMesh("triangle", points, triangles, bodies, cell_body)
@@ -102,8 +104,10 @@ class Specimen(MeshSource):
         for name, segment in self.parts.items():
             on = outer[_on_segment(points[outer], segment, self.element_size).all(axis=1)]
             if not len(on):
-                raise CaseError(f"mesh.parts.{name}: no part of the boundary lies between "
-                                f"({segment[0]:g}, {segment[1]:g}) and ({segment[2]:g}, {segment[3]:g}) m; move them")
+                raise CaseError(
+                    f"mesh.parts.{name}: no part of the boundary lies between "
+                    f"({segment[0]:g}, {segment[1]:g}) and ({segment[2]:g}, {segment[3]:g}) m; move them"
+                )
             for other, facets in raw.edges.items():  # what has a name of its own is not the rest
                 raw.edges[other] = facets[~np.isin(_codes(facets), _codes(on))]
             raw.edges[f"specimen.{name}"] = on

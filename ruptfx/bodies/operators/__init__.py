@@ -259,9 +259,17 @@ class FusedOperator(Operator, Protocol):
         """
 
     def step(  # noqa: PLR0913
-        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
-        inelastic: Inelastic | None = None, part: StepPart = "all",
+        self,
+        displacement: np.ndarray,
+        velocity: np.ndarray,
+        force: np.ndarray,
+        inverse_mass: np.ndarray,
+        dt: float,
+        decay: float = 1.0,
+        energy: np.ndarray | None = None,
+        damped: Damped | None = None,
+        inelastic: Inelastic | None = None,
+        part: StepPart = "all",
     ) -> float:
         """Make a step, as `MatrixFree.step`, or one of its two parts."""
 

@@ -38,8 +38,9 @@ class Assembled:
 
     def __init__(self, bulk: Bulk) -> None:
         if bulk.large_rotations:
-            raise RuptfxError("assembled: with large rotations there is no one stiffness; operator = 'matrix_free', or "
-                              "'ufl_form'")
+            raise RuptfxError(
+                "assembled: with large rotations there is no one stiffness; operator = 'matrix_free', or 'ufl_form'"
+            )
         self._stiffness = fem.local_matrix(stiffness_form(bulk))
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:

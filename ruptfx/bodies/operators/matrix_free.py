@@ -211,9 +211,17 @@ class MatrixFree:
         return np.searchsorted(latest, np.arange(self._blocks), side="right").astype(np.int32)
 
     def step(  # noqa: PLR0913
-        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
-        inelastic: Inelastic | None = None, part: StepPart = "all",
+        self,
+        displacement: np.ndarray,
+        velocity: np.ndarray,
+        force: np.ndarray,
+        inverse_mass: np.ndarray,
+        dt: float,
+        decay: float = 1.0,
+        energy: np.ndarray | None = None,
+        damped: Damped | None = None,
+        inelastic: Inelastic | None = None,
+        part: StepPart = "all",
     ) -> float:
         """Add the internal force of all elements and make one leapfrog step of every node not left to the caller.
 

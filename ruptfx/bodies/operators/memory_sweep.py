@@ -177,9 +177,7 @@ class MemorySweep(MatrixFree):
     def add_inelastic_stress(self, displacement: np.ndarray, state: np.ndarray, sums: np.ndarray) -> None:
         """Add the present inelastic stress times weight and size of elements at their nodes, as `add_stress`."""
         assert sums.flags.c_contiguous and sums.dtype == np.float64 and len(sums) == self._nodes
-        self._compiled.memory_stress(
-            *self._start(state), *self._pointers(displacement), address(sums)
-        )
+        self._compiled.memory_stress(*self._start(state), *self._pointers(displacement), address(sums))
 
     def add_recorded(self, displacement: np.ndarray, state: np.ndarray, sums: np.ndarray) -> None:
         """Add recorded states, and in the last column 1, times weight and size of elements at their nodes.
@@ -192,9 +190,7 @@ class MemorySweep(MatrixFree):
         sums : ndarray, shape (nodes, recorded states + 1)
         """
         assert sums.flags.c_contiguous and sums.shape == (self._nodes, len(self.law.recorded) + 1)
-        self._compiled.memory_states(
-            *self._start(state), *self._pointers(displacement), address(sums)
-        )
+        self._compiled.memory_states(*self._start(state), *self._pointers(displacement), address(sums))
 
     def tangent(self, displacement: np.ndarray, state: np.ndarray, dt: float) -> np.ndarray:
         """Return the derivative of the inelastic stress after a step by the strain, times weights of the points.

@@ -381,9 +381,7 @@ def tied_facets(raw: RawMesh, key: str, first: str, second: str) -> Facets:
         if edge not in raw.edges:
             raise RuptfxError(f"{key}.{name} = '{edge}': no such edge, {nearest(edge, list(raw.edges))}")
     here, there = (np.unique(raw.edges[edge]) for edge in (first, second))
-    low, high = (
-        np.stack([raw.points[nodes].min(axis=0), raw.points[nodes].max(axis=0)]) for nodes in (here, there)
-    )
+    low, high = (np.stack([raw.points[nodes].min(axis=0), raw.points[nodes].max(axis=0)]) for nodes in (here, there))
     shift = (high - low).mean(axis=0)
     distance, partner = closest(raw.points[there] - shift, raw.points[here])
     lonely, extent = int(np.argmax(distance)), float(np.ptp(raw.points, axis=0).max())

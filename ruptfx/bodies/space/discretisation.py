@@ -70,8 +70,7 @@ class Discretisation:
         simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
         if simplex and order > 1:
             raise CaseError(
-                f"order = {order}: must be 1 on triangles and tetrahedra, whose mass is not diagonal for "
-                "others"
+                f"order = {order}: must be 1 on triangles and tetrahedra, whose mass is not diagonal for others"
             )
         dim = self.mesh.geometry.dim
         if (dim == 3) != (plane == "solid"):

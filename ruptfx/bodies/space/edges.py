@@ -52,9 +52,7 @@ class Edge:
         """Local nodes."""
         if self.model.layout.broken:
             return self._corners()
-        return fem.dolfinx.fem.locate_dofs_topological(
-            self.model.space, self.model.mesh.topology.dim - 1, self.facets
-        )
+        return fem.dolfinx.fem.locate_dofs_topological(self.model.space, self.model.mesh.topology.dim - 1, self.facets)
 
     def _corners(self) -> np.ndarray:
         """Return the local nodes if cells have separate nodes, sent by the owners of the cells; collective."""
@@ -161,10 +159,12 @@ class Edge:
                 "of an anisotropic material, along an axis, or take kind = 'sponge', at any angle"
             )
         dim = model.mesh.geometry.dim
-        diagonal = np.array([
-            np.diagonal(material.impedance(np.eye(dim), model.plane), axis1=1, axis2=2)
-            for material in model.materials
-        ])  # by body, axis of the normal and component
+        diagonal = np.array(
+            [
+                np.diagonal(material.impedance(np.eye(dim), model.plane), axis1=1, axis2=2)
+                for material in model.materials
+            ]
+        )  # by body, axis of the normal and component
 
         def impedance(axis: int, i: int) -> Expr:
             varying = model.variation

@@ -192,9 +192,9 @@ class Nodes:
         ends = [[parallel.largest(self.comm, (sign * axis).max(initial=-np.inf)) for axis in x.T] for sign in (1, -1)]
         extent = max(high + low for high, low in zip(*ends, strict=True))
         places = np.zeros((self.count, self.components))
-        places[owned] = parallel.places(
-            self.comm, np.column_stack([np.round(x[owned] / extent, 9), self.body[owned]])
-        )[:, None]
+        places[owned] = parallel.places(self.comm, np.column_stack([np.round(x[owned] / extent, 9), self.body[owned]]))[
+            :, None
+        ]
         function = self._exchange.x  # a double holds any whole number up to 9e15
         function.array[:] = places.ravel()
         function.scatter_forward()

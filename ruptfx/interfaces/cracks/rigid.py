@@ -316,8 +316,15 @@ class RigidCracks(CrackStep):
         )  # fmt: skip
 
     def hold(  # noqa: PLR0913
-        self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray,
-        vertices: np.ndarray | None = None, losses: np.ndarray | None = None,
+        self,
+        state: State,
+        dt: float,
+        kick: float,
+        since: float,
+        push: np.ndarray,
+        before: np.ndarray,
+        vertices: np.ndarray | None = None,
+        losses: np.ndarray | None = None,
     ) -> None:
         """Compute the tractions of inserted facets, and the velocity after them.
 

@@ -524,7 +524,10 @@ class Kernel:
         self._number = np.array([*(0.0 if name in varied else value for name, value in parameters.items()), 0.0])
         macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
         macros |= {
-            "GROUP": 0, "RATED": int(group.rated), "NUMBERS": len(parameters) + 1, "VARIED": len(varied),
+            "GROUP": 0,
+            "RATED": int(group.rated),
+            "NUMBERS": len(parameters) + 1,
+            "VARIED": len(varied),
             "VARIED_NUMBERS": ", ".join(str(list(parameters).index(name)) for name in varied) or "0",
         }
         for name, parameter in (("TENSION", "c_f_t"), ("BOND", "c_c")):

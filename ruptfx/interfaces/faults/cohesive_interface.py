@@ -100,7 +100,6 @@ def stored(state: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.asarray(0.5 * np.maximum(-state["normal_stress"], 0.0) * state["opening"])
 
 
-
 @dataclass(frozen=True)
 class Losses:
     """Energy per area that a step takes where slip ends with the traction [J/m2], shapes (n,).

@@ -38,6 +38,7 @@ class WithFields(Protocol):
     def fields(self) -> FaultFields: ...
     def components(self, state: Mapping[str, np.ndarray], name: str) -> np.ndarray: ...
 
+
 TOLERANCE = 1e-3
 """Tolerated difference between the planned pressure of a step and that of its heat, over the normal stress."""
 

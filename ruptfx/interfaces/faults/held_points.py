@@ -149,9 +149,7 @@ class HeldPoints:
         """Keep the fields before the step of all points."""
         self._library.keep(*self._some, ctypes.byref(self._table), address(self._kept))
 
-    def __call__(
-        self, times: np.ndarray, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray
-    ) -> None:
+    def __call__(self, times: np.ndarray, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Advance the fields from those that were kept, velocity and force, and set `result`."""
         arrays = (times, *self._nodes, displacement, velocity, force, self._code.fixed, self._code.numbers)
         self._library.update_held(

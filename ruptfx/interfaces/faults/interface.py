@@ -503,7 +503,11 @@ def local_frame(normal: np.ndarray, mean: np.ndarray | None = None, strike: int 
 
 
 def _order(
-    comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray, reference: np.ndarray | None,
+    comm: fem.MPI.Comm,
+    points: np.ndarray,
+    owned: np.ndarray,
+    normal: np.ndarray,
+    reference: np.ndarray | None,
     strike: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, int, Line, np.ndarray]:
     """Return positions and global index of points, number of all points, definition of positions, mean normal.

@@ -272,9 +272,7 @@ class PointCode:
             """Return the changes of outputs from those of jumps and damage, with that of V."""
             of_law = [point_step.normal_stress(sigma), shifted.rate_before, bond]
             by_stress, by_before, by_bond = directional(of_law, seeds)
-            of_strength: Any = (
-                by_bond + _in_points("stress_slope") * by_stress + _in_points("before_slope") * by_before
-            )
+            of_strength: Any = by_bond + _in_points("stress_slope") * by_stress + _in_points("before_slope") * by_before
             (of_balance,) = directional([at.residual], {**seeds, strength: of_strength})
             of_v: Any = np.where(slides, -of_balance / by_v, 0.0)
             return directional(outputs, {**seeds, v: of_v, strength: of_strength + slope * of_v})
@@ -298,8 +296,10 @@ class PointCode:
     def _is_closed(self) -> Any:
         """Return the condition that a point has contact or cohesion."""
         is_closed: Any = (_in_points("sigma") > 0) | self._is_held
-        return is_closed if self._cohesion is None else (
-            is_closed | (_in_points("tension") > 0) | (_in_points("bond") > 0)
+        return (
+            is_closed
+            if self._cohesion is None
+            else (is_closed | (_in_points("tension") > 0) | (_in_points("bond") > 0))
         )
 
     def _step_formulas(self, radiation: Expression | None, guess: Expression | None) -> dict[str, Table]:
@@ -323,16 +323,23 @@ class PointCode:
         shifted = point_step.shifted_trial(shear, each("points->z[{}][l]"), before, symbol("carried"))
         stored, trial = _stored(shifted, changes=False)
         entries = {
-            symbol("rate_before"): trial.rate_before, symbol("speed_before"): _in_points("speed_before"),
-            symbol("normal_stress"): pressure, symbol("normal_stress_before"): pressure_before,
-            symbol("radiation"): constant(0) if radiation is None else radiation, symbol("bond"): bond,
+            symbol("rate_before"): trial.rate_before,
+            symbol("speed_before"): _in_points("speed_before"),
+            symbol("normal_stress"): pressure,
+            symbol("normal_stress_before"): pressure_before,
+            symbol("radiation"): constant(0) if radiation is None else radiation,
+            symbol("bond"): bond,
         }
         begun = dict(zip(law.start, substituted(law.start.values(), entries), strict=True))
         (at_rest,) = substituted([law.outputs["strength"]], entries | {symbol("slip_rate"): constant(0)})
         at_rest = np.where(self._is_held, UNLIMITED, at_rest) if held else at_rest  # type: ignore[assignment]
         first = point_step.first_iterate(
-            trial, _in_points("trial_normal"), sigma, symbol("at_rest[l]"),
-            trial.rate_before if guess is None else guess, is_closed,
+            trial,
+            _in_points("trial_normal"),
+            sigma,
+            symbol("at_rest[l]"),
+            trial.rate_before if guess is None else guess,
+            is_closed,
         )
         iterated, last = _stored(first, changes=True)
 
@@ -358,9 +365,7 @@ class PointCode:
             ]
         if at_end:  # a step of zero length keeps the rates
             known = (mean, before), (now, each("OLD(slip_rate + {})"))
-            mean, now = (
-                [np.where(symbol("since") > 0, *pair) for pair in zip(*rates, strict=True)] for rates in known
-            )
+            mean, now = ([np.where(symbol("since") > 0, *pair) for pair in zip(*rates, strict=True)] for rates in known)
         slips = point_step.slip_after(
             each("OLD(slip + {})"), each("NEW(mean_slip_rate + {})") if at_end else before, symbol("since")
         )

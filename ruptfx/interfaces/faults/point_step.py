@@ -119,9 +119,9 @@ def shifted_trial(shear: Vector, impedance: Vector, before: Vector, weight: Arra
         free_velocity=free,
         free_direction=direction if len(shear) == 1 else unit(free, speed),
         free_rate=np.where(speed > 0, speed - shift_along, 0.0),
-        mean_impedance=impedance[0] if len(shear) == 1 else total(
-            d * d * z for d, z in zip(direction, impedance, strict=True)
-        ),
+        mean_impedance=impedance[0]
+        if len(shear) == 1
+        else total(d * d * z for d, z in zip(direction, impedance, strict=True)),
     )
 
 

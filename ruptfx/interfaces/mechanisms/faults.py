@@ -129,9 +129,7 @@ class Faults(Mechanism):
             inverse_mass = stepped.inverse_mass(kick)
             self.steps.append([self._step(fault, inverse_mass, kick, stepped) for fault in self.faults])
 
-    def _step(
-        self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes
-    ) -> FaultStep | SlidingStep:
+    def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> FaultStep | SlidingStep:
         return FaultStep(fault, inverse_mass, kick.clock, self.model.case.output.rupture_threshold)
 
     def before_kick(self, state: State, kick: Kick) -> None:

@@ -29,8 +29,7 @@ def along(rake: float | None, tangents: int) -> Array:
         return np.eye(tangents)[0]
     if tangents == 1:
         raise CaseError(
-            f"rake = {rake:g}: slip along a line has no other direction; remove it, or give slip a minus "
-            "sign"
+            f"rake = {rake:g}: slip along a line has no other direction; remove it, or give slip a minus sign"
         )
     return np.array([np.cos(np.radians(rake)), np.sin(np.radians(rake))])
 

@@ -78,8 +78,7 @@ class FiniteFault(SlipHistory):
     def bind(self, face: Interface, width: float) -> History:
         if face.across is None or face.tangents != 2:
             raise CaseError(
-                f"{self.file}: a finite-fault model is for a surface in three dimensions; use kind = "
-                "'table'"
+                f"{self.file}: a finite-fault model is for a surface in three dimensions; use kind = 'table'"
             )
         try:
             model = self.model()

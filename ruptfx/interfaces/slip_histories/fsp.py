@@ -51,8 +51,22 @@ def _headers(path: Path, lines: list[str]) -> dict[str, float]:
     for line, content in enumerate(lines, 1):
         if content.startswith("%"):
             for name, word in re.findall(r"([A-Za-z]+)\s*=\s*([-+0-9.eEdD]+)", content):
-                if name in ("STRK", "DIP", "RAKE", "Htop", "HypX", "HypZ", "Nx", "Nz", "Dx", "Dz", "Nsg", "Ntw",
-                "inDx", "inDz"):
+                if name in (
+                    "STRK",
+                    "DIP",
+                    "RAKE",
+                    "Htop",
+                    "HypX",
+                    "HypZ",
+                    "Nx",
+                    "Nz",
+                    "Dx",
+                    "Dz",
+                    "Nsg",
+                    "Ntw",
+                    "inDx",
+                    "inDz",
+                ):
                     entries.setdefault(name.removeprefix("in"), number(word, path, line))
     return entries
 
@@ -69,8 +83,7 @@ def _read(file: str, rise_time: float | None, rupture_speed: float | None) -> Mo
         if header.get(name, 1.0) != 1.0:
             what = "segments" if name == "Nsg" else "time windows"
             raise ValueError(
-                f"{path}: has {name} = {header[name]:g} {what}; only files with one are read: write one of "
-                "them"
+                f"{path}: has {name} = {header[name]:g} {what}; only files with one are read: write one of them"
             )
     along, down = int(header["Nx"]), int(header["Nz"])
     length, width = 1e3 * header["Dx"], 1e3 * header["Dz"]
@@ -91,8 +104,7 @@ def _read(file: str, rise_time: float | None, rupture_speed: float | None) -> Mo
             rows.append([number(word, path, line) for word in words[: len(names)]])
     if len(rows) != along * down:
         raise ValueError(
-            f"{path}: has {len(rows)} subfaults, and Nx Nz = {along * down}; correct the header, or add the "
-            "lines"
+            f"{path}: has {len(rows)} subfaults, and Nx Nz = {along * down}; correct the header, or add the lines"
         )
     columns = dict(zip(names, np.array(rows).T, strict=True))
     order = _order(path, columns, header, along, down)
@@ -111,8 +123,7 @@ def _read(file: str, rise_time: float | None, rupture_speed: float | None) -> Mo
     if start is None:
         if rupture_speed is None or not rupture_speed > 0 or "HypX" not in header or "HypZ" not in header:
             raise ValueError(
-                f"{path}: has no rupture times (TRUP); give rupture_speed, and HypX and HypZ in the "
-                "header"
+                f"{path}: has no rupture times (TRUP); give rupture_speed, and HypX and HypZ in the header"
             )
         x = (np.arange(along) + 0.5) * length - 1e3 * header["HypX"]
         y = (np.arange(down) + 0.5) * width - 1e3 * header["HypZ"]
@@ -157,7 +168,6 @@ def _order(path: Path, columns: dict[str, np.ndarray], header: dict[str, float],
     number_of = j * along + i
     if np.any(i >= along) or np.any(j >= down) or len(np.unique(number_of)) != along * down:
         raise ValueError(
-            f"{path}: X, Y and Z are not a plane grid of {along} x {down} subfaults of the header's size (in "
-            "km)"
+            f"{path}: X, Y and Z are not a plane grid of {along} x {down} subfaults of the header's size (in km)"
         )
     return np.argsort(number_of)

@@ -64,8 +64,7 @@ class Words:
         item = next(self._words, None)
         if item is None:
             raise ValueError(
-                f"{self.path}: ends after line {self.line}, where {meaning} should follow; the file is cut "
-                "off"
+                f"{self.path}: ends after line {self.line}, where {meaning} should follow; the file is cut off"
             )
         self.line, word = item
         return word
@@ -176,8 +175,7 @@ def _points(words: Words, version: str, count: int) -> list[Point]:
         here = words.count("number of points", 1, MOST_SUBFAULTS)
         if len(points) + here > count:
             raise words.wrong(
-                f"{len(points) + here} points, and the planes have NSTK x NDIP = {count}; correct one of "
-                "them"
+                f"{len(points) + here} points, and the planes have NSTK x NDIP = {count}; correct one of them"
             )
         for _ in range(here):
             *_, start, dt = words.values("LON", "LAT", "DEP", "STK", "DIP", "AREA", "TINIT", "DT")

@@ -11,9 +11,7 @@ from ruptfx.laws.friction.rate_and_state_base import RateAndState, decay_mean
 class RateAndStateAgeing(RateAndState):
     """Rate and state with the ageing law: contacts strengthen with the time they last, also without slip."""
 
-    formula = (
-        "strength = a sigma asinh(V/(2 V_0) exp((f_0 + b ln(V_0 theta/D_c))/a)); dtheta/dt = 1 - V theta/D_c"
-    )
+    formula = "strength = a sigma asinh(V/(2 V_0) exp((f_0 + b ln(V_0 theta/D_c))/a)); dtheta/dt = 1 - V theta/D_c"
     source = "Dieterich (1979); Ruina (1983); regularised as in Rice, Lapusta, Ranjith (2001)"
 
     def age_rate(self, theta: Array, slip_rate: Array) -> Array:

@@ -58,9 +58,7 @@ class Creeping(FrictionLaw):
         """Return the initial state if it is a parameter, else None."""
         raise NotImplementedError
 
-    def initial_state(
-        self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray
-    ) -> LawState:
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         value = self.given_state(normal_stress)
         if value is not None:
             return value

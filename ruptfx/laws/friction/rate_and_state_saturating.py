@@ -16,10 +16,7 @@ class RateAndStateSaturating(RateAndState):
     strengthens with speed once b < a (1 + V theta_c / D_c).
     """
 
-    formula = (
-        "strength = a sigma asinh(V/(2 V_0) exp((f_0 + b ln(1 + theta/theta_c))/a)); "
-        "dtheta/dt = 1 - V theta/D_c"
-    )
+    formula = "strength = a sigma asinh(V/(2 V_0) exp((f_0 + b ln(1 + theta/theta_c))/a)); dtheta/dt = 1 - V theta/D_c"
     source = "Dieterich (1979), cutoff time; Baumberger and Caroli (2006), review in Advances in Physics 55"
 
     theta_c: VaryingTime

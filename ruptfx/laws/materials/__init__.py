@@ -398,10 +398,12 @@ def _bounds(cls: type[Material], name: str) -> Iterator[Bound]:
 
 if TYPE_CHECKING:
     from ruptfx.platform.fem import Expr
+
     AnyMaterial = Material
 else:
     AnyMaterial = Annotated[
-        alternative("ruptfx.laws.materials"), BeforeValidator(constants_of),
+        alternative("ruptfx.laws.materials"),
+        BeforeValidator(constants_of),
         OwnJsonSchema(by_name("materials", [*LIBRARY])),
     ]
 

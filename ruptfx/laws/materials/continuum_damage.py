@@ -42,7 +42,8 @@ class ContinuumDamage(Prestressed):
             worst = int(np.argmax(part))
             raise PointError(
                 f"initial_stress: damages from the start, its size is {part.flat[worst]:.4g} times the strength; raise "
-                "strength, or give less stress", worst,
+                "strength, or give less stress",
+                worst,
             )
 
     def yielded(self) -> np.ndarray | None:

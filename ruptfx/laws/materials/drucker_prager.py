@@ -38,7 +38,8 @@ class DruckerPrager(Prestressed):
             worst = int(np.argmax(tau - strength))
             raise PointError(
                 f"initial_stress: beyond yield, sqrt(J2) = {tau.flat[worst]:.4g} Pa above {strength.flat[worst]:.4g} "
-                "Pa; raise cohesion or compression", worst,
+                "Pa; raise cohesion or compression",
+                worst,
             )
 
     def yielded(self) -> np.ndarray:

@@ -37,7 +37,8 @@ class VonMises(Prestressed):
             worst = int(np.argmax(value - limit))
             raise PointError(
                 f"initial_stress: beyond yield, q = {value.flat[worst]:.4g} Pa above {limit.flat[worst]:.4g} Pa; raise "
-                "yield_stress, or give a stress with smaller differences", worst,
+                "yield_stress, or give a stress with smaller differences",
+                worst,
             )
 
     def yielded(self) -> np.ndarray | None:

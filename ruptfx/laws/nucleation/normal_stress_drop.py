@@ -34,6 +34,9 @@ class NormalStressDrop(Nucleation):
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         near = distance(position, self.center) <= self.half_width * (1 + 1e-9)
         return Pressurised.model_construct(
-            law=law, pressure=np.where(near, self.drop, 0.0), begin=self.begin, end=self.begin + self.duration,
+            law=law,
+            pressure=np.where(near, self.drop, 0.0),
+            begin=self.begin,
+            end=self.begin + self.duration,
             rise=self.rise,
         )

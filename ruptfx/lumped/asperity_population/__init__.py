@@ -72,7 +72,11 @@ class AsperityPopulation(LumpedModel):
     def asperity(self) -> Asperity:
         """Constants of every asperity."""
         return Asperity(
-            self.stiffness, self.activation_force, self.creep_rate, self.height_scale, self.mean_length,
+            self.stiffness,
+            self.activation_force,
+            self.creep_rate,
+            self.height_scale,
+            self.mean_length,
             self.length_shape,
         )
 

@@ -48,4 +48,3 @@ def population(dataset: xarray.Dataset) -> Figure:
     letter(grid.ravel())
     remark(figure, "Laws are fitted to the velocity steps alone; the hold comes later. Points: last tenths of steps.")
     return figure
-

@@ -78,9 +78,7 @@ class BurridgeKnopoff(LumpedModel):
                 first.append(trigger)
         return self._dataset(items, np.array(driven), np.array(force), np.array(first))
 
-    def _dataset(
-        self, events: list[Event], driven: np.ndarray, force: np.ndarray, first: np.ndarray
-    ) -> xarray.Dataset:
+    def _dataset(self, events: list[Event], driven: np.ndarray, force: np.ndarray, first: np.ndarray) -> xarray.Dataset:
         length, time = self.strength / self.leaf_stiffness, np.sqrt(self.mass / self.leaf_stiffness)
         slip = np.array([event.slip for event in events])
         released = np.array([event.released for event in events])
@@ -105,7 +103,9 @@ class BurridgeKnopoff(LumpedModel):
                 "count": variable("magnitude", count, "1", "number of events per half a unit of magnitude"),
                 "energy_error": variable((), lost.max(), "1", "largest part of the energy that is not accounted for"),
                 "slip_in_large": variable(
-                    (), moment[(slip > 0).all(axis=1)].sum() / moment.sum(), "1",
+                    (),
+                    moment[(slip > 0).all(axis=1)].sum() / moment.sum(),
+                    "1",
                     "fraction of the slip in events of all blocks",
                 ),
             },

@@ -137,7 +137,10 @@ class MaxwellSlip(LumpedModel):
                 "alpha_fine": variable("alpha_fine", fine, "1", "shape parameter"),
             },
             attrs={
-                "mu_s": self.mu_s, "mu_d": self.mu_d, "threshold": self.threshold, "blocks": self.blocks,
+                "mu_s": self.mu_s,
+                "mu_d": self.mu_d,
+                "threshold": self.threshold,
+                "blocks": self.blocks,
                 "force_per_block": per_block,
             },
         )

@@ -24,7 +24,8 @@ _COLOURS = {"stick-slip": STICK_SLIP, "steady": STEADY, "undecided": UNDECIDED}
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
     """Draw all figures of a result."""
     drawn = {
-        "friction_histories": histories(dataset), "static_coefficient": static(dataset),
+        "friction_histories": histories(dataset),
+        "static_coefficient": static(dataset),
         "late_amplitude": amplitude(dataset),
     }
     if dataset.sizes["surface"]:
@@ -52,8 +53,13 @@ def histories(dataset: xarray.Dataset) -> Figure:
         row = dataset.isel(alpha=index)
         raster = ax.twinx()
         raster.plot(
-            row.slip_time / period, np.where(row.slipped_block < 0, np.nan, row.slipped_block), ".",
-            markersize=0.9, markeredgewidth=0, color=ACCENT, rasterized=True,
+            row.slip_time / period,
+            np.where(row.slipped_block < 0, np.nan, row.slipped_block),
+            ".",
+            markersize=0.9,
+            markeredgewidth=0,
+            color=ACCENT,
+            rasterized=True,
         )
         raster.set_ylim(0, dataset.attrs["blocks"])
         last = index % columns == columns - 1 or index == count - 1
@@ -85,15 +91,25 @@ def static(dataset: xarray.Dataset) -> Figure:
     for alpha, runs in zip(dataset.alpha.values, values.values, strict=True):
         ax.plot(np.full(len(runs), alpha), runs, "s", color="0.7", markersize=1.5, zorder=1)
     ax.errorbar(
-        dataset.alpha, values.mean("realisation"), values.std("realisation"), fmt="s", color="k", capsize=2,
-        label=f"mean of {dataset.sizes['realisation']} runs, std", zorder=3,
+        dataset.alpha,
+        values.mean("realisation"),
+        values.std("realisation"),
+        fmt="s",
+        color="k",
+        capsize=2,
+        label=f"mean of {dataset.sizes['realisation']} runs, std",
+        zorder=3,
     )
     ax.plot(dataset.alpha_fine, dataset.limit_mu_static, color=STEADY, label=r"$N\to\infty$", zorder=2)
     for name, below in (("mu_s", True), ("mu_d", False)):
         ax.axhline(dataset.attrs[name], color="0.3", linewidth=0.6, linestyle="--" if below else ":")
         ax.annotate(
-            rf"$\mu_{name[-1]}$", (1, dataset.attrs[name]), xycoords=("axes fraction", "data"), xytext=(2, 0),
-            textcoords="offset points", va="center",
+            rf"$\mu_{name[-1]}$",
+            (1, dataset.attrs[name]),
+            xycoords=("axes fraction", "data"),
+            xytext=(2, 0),
+            textcoords="offset points",
+            va="center",
         )
     _transition(ax, dataset)
     ax.set(xscale="log", xlabel=r"Shape parameter $\alpha$  (rough $\rightarrow$ smooth)")
@@ -107,8 +123,12 @@ def _transition(ax, dataset: xarray.Dataset) -> None:  # type: ignore[no-untyped
     if np.isfinite(alpha_c):
         ax.axvline(alpha_c, color=STICK_SLIP, linestyle="--", linewidth=0.8)
         ax.annotate(
-            rf"$\alpha_c$ = {alpha_c:.3g}", (alpha_c, 0.02), xycoords=("data", "axes fraction"), xytext=(3, 0),
-            textcoords="offset points", color=STICK_SLIP,
+            rf"$\alpha_c$ = {alpha_c:.3g}",
+            (alpha_c, 0.02),
+            xycoords=("data", "axes fraction"),
+            xytext=(3, 0),
+            textcoords="offset points",
+            color=STICK_SLIP,
         )
 
 
@@ -119,18 +139,31 @@ def amplitude(dataset: xarray.Dataset) -> Figure:
     ax = figure.subplots()
     values = dataset.late_amplitude
     ax.errorbar(
-        dataset.alpha, values.mean("realisation"), values.std("realisation"), fmt="o", color="k", capsize=2,
+        dataset.alpha,
+        values.mean("realisation"),
+        values.std("realisation"),
+        fmt="o",
+        color="k",
+        capsize=2,
         label=f"{dataset.attrs['blocks']} blocks, {dataset.sizes['realisation']} runs",
     )
     ax.plot(dataset.alpha_fine, dataset.limit_amplitude, color=STEADY, label=r"$N\to\infty$")
     ax.plot(
-        dataset.alpha_fine, dataset.law_amplitude, color=ACCENT, linestyle="--",
+        dataset.alpha_fine,
+        dataset.law_amplitude,
+        color=ACCENT,
+        linestyle="--",
         label=r"$(2/\pi)\,\exp(-2\pi^2 s^2)$",
     )
     ax.axhline(dataset.attrs["threshold"], color=STICK_SLIP, linewidth=0.7, linestyle=":")
     ax.annotate(
-        f"threshold {dataset.attrs['threshold']:g}", (1, dataset.attrs["threshold"]), ha="right",
-        xycoords=("axes fraction", "data"), xytext=(0, 2), textcoords="offset points", color=STICK_SLIP,
+        f"threshold {dataset.attrs['threshold']:g}",
+        (1, dataset.attrs["threshold"]),
+        ha="right",
+        xycoords=("axes fraction", "data"),
+        xytext=(0, 2),
+        textcoords="offset points",
+        color=STICK_SLIP,
     )
     _transition(ax, dataset)
     ax.set(xscale="log", xlabel=r"Shape parameter $\alpha$", ylim=(0, 1.05))
@@ -162,8 +195,12 @@ def roughness_map(dataset: xarray.Dataset) -> Figure:
         ax.plot(np.sqrt(ends[0] * ends[1]), R_a, "<" if beyond else "o", color=colour)
         right = ends[1] < 300
         ax.annotate(
-            f"{row.surface.values}: {row.verdict.values}", (ends[1] if right else ends[0], R_a),
-            xytext=(6 if right else -6, 0), textcoords="offset points", va="center", color=colour,
+            f"{row.surface.values}: {row.verdict.values}",
+            (ends[1] if right else ends[0], R_a),
+            xytext=(6 if right else -6, 0),
+            textcoords="offset points",
+            va="center",
+            color=colour,
             ha="left" if right else "right",
         )
     ax.set(xscale="log", yscale="log", xlabel=r"Shape parameter $\alpha$", ylabel=r"Roughness $R_a$ (µm)")

@@ -109,11 +109,18 @@ class SpringBlock(LumpedModel):
         """Return the constants of the chain."""
         number = np.rint(self.contacts * (1 + self.tilt * np.linspace(-1, 1, self.blocks))).astype(int)
         return Chain(
-            mass=self.mass / self.blocks, damping=self.damping, spring=(self.blocks - 1) * self.stiffness,
-            drive_stiffness=self.drive_stiffness, drive_speed=self.drive_speed, contacts=np.maximum(number, 1),
+            mass=self.mass / self.blocks,
+            damping=self.damping,
+            spring=(self.blocks - 1) * self.stiffness,
+            drive_stiffness=self.drive_stiffness,
+            drive_speed=self.drive_speed,
+            contacts=np.maximum(number, 1),
             contact_stiffness=self.interface_ratio * self.stiffness / self.contacts,
-            contact_strength=self.strength / (self.blocks * self.contacts), scatter=self.scatter, delay=self.delay,
-            ageing=self.ageing, ageing_time=self.ageing_time,
+            contact_strength=self.strength / (self.blocks * self.contacts),
+            scatter=self.scatter,
+            delay=self.delay,
+            ageing=self.ageing,
+            ageing_time=self.ageing_time,
         )
 
     @property
@@ -152,8 +159,11 @@ class SpringBlock(LumpedModel):
 
     def _breaks(self, chain: Chain, history: History) -> Breaks:
         return Breaks(
-            np.array(history.break_time), np.array(history.break_block, dtype=int),
-            np.array(history.break_count, dtype=int), self.delay, chain.contacts,
+            np.array(history.break_time),
+            np.array(history.break_block, dtype=int),
+            np.array(history.break_count, dtype=int),
+            self.delay,
+            chain.contacts,
         )
 
     def _events(self, chain: Chain, history: History) -> list[Event]:
@@ -171,8 +181,15 @@ class SpringBlock(LumpedModel):
         breaks = self._breaks(chain, history)
         slow = slow_fronts(breaks, first_large[-1].start if first_large else np.inf)
         names = {
-            "start": "s", "end": "s", "force": "N", "drop": "N", "first_block": "1", "reach": "1", "blocks": "1",
-            "detachments": "1", "large": "1",
+            "start": "s",
+            "end": "s",
+            "force": "N",
+            "drop": "N",
+            "first_block": "1",
+            "reach": "1",
+            "blocks": "1",
+            "detachments": "1",
+            "large": "1",
         }
         table = {
             f"event_{n}": variable("event", np.array([getattr(e, n) for e in events]), u, f"{n.replace('_', ' ')}")
@@ -213,17 +230,23 @@ class SpringBlock(LumpedModel):
             ),
             "slow_fronts": variable((), len(slow), "1", "slow fronts before sliding"),
             "slow_front_speed": variable(
-                (), float(np.median([f.speed for f in slow] or [np.nan])) / self.chain_speed, "1",
+                (),
+                float(np.median([f.speed for f in slow] or [np.nan])) / self.chain_speed,
+                "1",
                 "median speed of slow fronts / chain speed",
             ),
             "chaining": variable(
-                (), chaining(first_large[-1]) if first_large else np.nan, "1",
+                (),
+                chaining(first_large[-1]) if first_large else np.nan,
+                "1",
                 "speed of the first large event over its local front speed",
             ),
             **{
                 f"slow_front_{n}": variable("slow_front", np.array([getattr(f, n) for f in slow], float), unit, text)
                 for n, unit, text in (
-                    ("start", "s", "start"), ("end", "s", "end"), ("first_block", "1", "first block"),
+                    ("start", "s", "start"),
+                    ("end", "s", "end"),
+                    ("first_block", "1", "first block"),
                     ("last_block", "1", "last block"),
                 )
             },

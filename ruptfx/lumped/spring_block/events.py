@@ -101,8 +101,17 @@ def catalogue(breaks: Breaks, time: np.ndarray, force: np.ndarray, large_drop: f
         large = len(front) == len(breaks.contacts) and drop >= large_drop
         events.append(
             Event(
-                float(t[0]), float(t[-1]), float(force[before]), drop, int(b[0]), int(front[-1]) + 1,
-                len(front), len(b), large, front, t[first],
+                float(t[0]),
+                float(t[-1]),
+                float(force[before]),
+                drop,
+                int(b[0]),
+                int(front[-1]) + 1,
+                len(front),
+                len(b),
+                large,
+                front,
+                t[first],
             )
         )
     return events

@@ -31,13 +31,25 @@ def _breaks(dataset: xarray.Dataset) -> Breaks:
 
 
 def _map(  # noqa: PLR0913
-    figure: Figure, ax: Axes, data: xarray.DataArray, label: str, cmap: str, extend: str = "neither",
-    vmin: float | None = None, vmax: float | None = None,
+    figure: Figure,
+    ax: Axes,
+    data: xarray.DataArray,
+    label: str,
+    cmap: str,
+    extend: str = "neither",
+    vmin: float | None = None,
+    vmax: float | None = None,
 ) -> None:
     time = data.time.values
     image = ax.imshow(
-        data.values.T, aspect="auto", origin="lower", cmap=cmap, rasterized=True,
-        extent=(time[0], time[-1], 0.5, data.sizes["block"] + 0.5), vmin=vmin, vmax=vmax,
+        data.values.T,
+        aspect="auto",
+        origin="lower",
+        cmap=cmap,
+        rasterized=True,
+        extent=(time[0], time[-1], 0.5, data.sizes["block"] + 0.5),
+        vmin=vmin,
+        vmax=vmax,
     )
     ax.set_ylabel("Block")
     figure.colorbar(image, ax=ax, label=label, pad=0.01, aspect=12, extend=extend)
@@ -50,9 +62,7 @@ def maps(dataset: xarray.Dataset) -> Figure:
     axes = figure.subplots(4, 1, sharex=True)
     axes[0].plot(dataset.time, dataset.force, color="k", linewidth=0.8)
     large = dataset.event_large.values.astype(bool)
-    axes[0].plot(
-        dataset.event_start[large], dataset.event_force[large], "v", color=STICK_SLIP, label="large event"
-    )
+    axes[0].plot(dataset.event_start[large], dataset.event_force[large], "v", color=STICK_SLIP, label="large event")
     small = ~large & (dataset.event_drop.values > 0)
     axes[0].plot(
         dataset.event_start[small], dataset.event_force[small], ".", color=STEADY, markersize=3, label="precursor"
@@ -78,13 +88,23 @@ def fronts(dataset: xarray.Dataset) -> Figure:
     blocks = dataset.sizes["block"]
     window = np.linspace(start - 2e-3, start + 14e-3, 1200)
     image = left.imshow(
-        [100 * breaks.detached(block, window) for block in range(blocks)], aspect="auto", origin="lower",
-        cmap="magma_r", vmin=0, vmax=100, extent=(-2, 14, 0.5, blocks + 0.5), rasterized=True,
+        [100 * breaks.detached(block, window) for block in range(blocks)],
+        aspect="auto",
+        origin="lower",
+        cmap="magma_r",
+        vmin=0,
+        vmax=100,
+        extent=(-2, 14, 0.5, blocks + 0.5),
+        rasterized=True,
     )
     left.plot([-1, -1 + blocks / speed * 1e3], [0.5, blocks], color=STEADY, linewidth=1.2)
     left.annotate(
-        "wave of\nthe chain", (-1 + 0.55 * blocks / speed * 1e3, 0.55 * blocks), xytext=(3, 0),
-        textcoords="offset points", color=STEADY, fontsize=6,
+        "wave of\nthe chain",
+        (-1 + 0.55 * blocks / speed * 1e3, 0.55 * blocks),
+        xytext=(3, 0),
+        textcoords="offset points",
+        color=STEADY,
+        fontsize=6,
     )
     left.set(xlabel="Time since the first detachment (ms)", ylabel="Block")
     left.set_title("(a)", loc="left")
@@ -110,8 +130,14 @@ def _speeds(ax: Axes, times: np.ndarray, which: np.ndarray, dataset: xarray.Data
     beyond = int((fast > bins[-1]).sum())  # simultaneous detachments
     ax.hist(fast, bins.tolist(), color=STEADY, label="within events" + (f" (and {beyond} beyond)" if beyond else ""))
     if slow.size:
-        ax.plot(slow / speed, np.full(slow.size, 0.03), "d", color=ACCENT, label="slow fronts",
-                transform=ax.get_xaxis_transform())
+        ax.plot(
+            slow / speed,
+            np.full(slow.size, 0.03),
+            "d",
+            color=ACCENT,
+            label="slow fronts",
+            transform=ax.get_xaxis_transform(),
+        )
     ax.axvline(1, color="0.3", linestyle=":", linewidth=0.8)
     ax.set(xscale="log", xlabel="Front speed / chain speed", ylabel="Front segments")
     ax.set_title("(b)  until the first large event", loc="left")
@@ -155,7 +181,10 @@ def lengths(dataset: xarray.Dataset) -> Figure:
     if np.isfinite(slope):
         line = np.array([0, float(dataset.event_force[: last + 1].max())])
         ax.plot(
-            line / scale, slope * line / blocks, "--", color="0.4",
+            line / scale,
+            slope * line / blocks,
+            "--",
+            color="0.4",
             label=f"least squares through 0 (n = {last}, r = {float(dataset.length_correlation):.2f})",
         )
     ax.set(xlabel=r"Force / $F_s$", ylabel="Length / slider length", xlim=(0, None), ylim=(0, 1.08))

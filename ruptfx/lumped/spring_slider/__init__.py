@@ -45,7 +45,8 @@ else:
     AnyExperiment = Annotated[
         Union[tuple(Annotated[cls, Tag(f"<{cls.name}>")] for cls in _EXPERIMENTS)],  # noqa: UP007
         Discriminator(
-            _tag, custom_error_type="unknown_kind",
+            _tag,
+            custom_error_type="unknown_kind",
             custom_error_message=f"an experiment needs a 'kind', one of: {', '.join(c.name for c in _EXPERIMENTS)}",
         ),
     ]
@@ -102,9 +103,13 @@ class SpringSlider(LumpedModel):
         speed = getattr(self.experiment, "speed", float(slider.law.V_0))
         critical, omega = critical_stiffness(slider, speed)
         constants = {
-            "K_c": critical, "K_over_K_c": self.stiffness / critical if critical else float("inf"),
-            "onset_frequency": omega / (2 * np.pi), "a": float(slider.law.a), "b": float(slider.law.b),
-            "normal_force": self.normal_force, "law": self.friction.kind(),
+            "K_c": critical,
+            "K_over_K_c": self.stiffness / critical if critical else float("inf"),
+            "onset_frequency": omega / (2 * np.pi),
+            "a": float(slider.law.a),
+            "b": float(slider.law.b),
+            "normal_force": self.normal_force,
+            "law": self.friction.kind(),
         }
         # Bifurcations and fits have some of these, of the same slider, as variables.
         dataset.attrs |= {name: value for name, value in constants.items() if name not in dataset}

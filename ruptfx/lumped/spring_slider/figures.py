@@ -50,7 +50,10 @@ def slide_hold_slide(dataset: xarray.Dataset) -> Figure:
     for shade, run in zip(shades, (dataset.isel(hold=i) for i in range(dataset.sizes["hold"])), strict=True):
         restart = float(run.drive_displacement[np.argmax(run.drive_speed.values == 0)])
         left.plot(
-            (run.drive_displacement - restart) * 1e6, run.friction, color=STICK_SLIP, alpha=float(shade),
+            (run.drive_displacement - restart) * 1e6,
+            run.friction,
+            color=STICK_SLIP,
+            alpha=float(shade),
             label=f"{float(run.hold):g} s",
         )
     left.set(xlabel="Drive displacement from the hold (µm)", ylabel="Friction coefficient")
@@ -78,7 +81,9 @@ def modulated_speed(dataset: xarray.Dataset) -> Figure:
         for at in (0.02, 0.52):
             i = int(at * len(speed))
             ax.annotate(
-                "", (speed[i + 6], loop[i + 6]), (speed[i], loop[i]),
+                "",
+                (speed[i + 6], loop[i + 6]),
+                (speed[i], loop[i]),
                 arrowprops={"arrowstyle": "->", "color": colour, "lw": 1},
             )
     ax.plot(speed[order], dataset.steady_friction.values[order], "k:", label="steady")
@@ -118,8 +123,14 @@ def stability(dataset: xarray.Dataset) -> Figure:
     ax = figure.subplots()
     speed = dataset.speed * 1e6
     ax.pcolormesh(
-        speed, dataset.stiffness * 1e-4, dataset.oscillates.astype(float), shading="nearest", rasterized=True,
-        cmap=ListedColormap(["#dfe8f0", "#f0d8d4"]), vmin=0, vmax=1,
+        speed,
+        dataset.stiffness * 1e-4,
+        dataset.oscillates.astype(float),
+        shading="nearest",
+        rasterized=True,
+        cmap=ListedColormap(["#dfe8f0", "#f0d8d4"]),
+        vmin=0,
+        vmax=1,
     )
     ax.plot(speed, dataset.k_c_linear * 1e-4, color="k", label="linear analysis")
     ax.plot(speed, dataset.k_c_simulated * 1e-4, ".", color=STICK_SLIP, markersize=4, label="simulation")
@@ -258,7 +269,14 @@ def temperatures(dataset: xarray.Dataset) -> Figure:
 
 _DRAW = {
     "temperatures": temperatures,
-    "velocity_steps": velocity_steps, "slide_hold_slide": slide_hold_slide, "modulated_speed": modulated_speed,
-    "modulated_load": modulated_load, "stability": stability, "bifurcation": bifurcation, "stick_slip": stick_slip,
-    "loading_unloading": loading_unloading, "frequency_response": frequency_response, "fit": fit,
+    "velocity_steps": velocity_steps,
+    "slide_hold_slide": slide_hold_slide,
+    "modulated_speed": modulated_speed,
+    "modulated_load": modulated_load,
+    "stability": stability,
+    "bifurcation": bifurcation,
+    "stick_slip": stick_slip,
+    "loading_unloading": loading_unloading,
+    "frequency_response": frequency_response,
+    "fit": fit,
 }

@@ -133,8 +133,14 @@ class Trajectory:
 
 
 def integrate(  # noqa: PLR0913
-    slider: Slider, start: np.ndarray, times: np.ndarray, drive: Signal, normal_force: Signal | None = None,
-    rtol: float = 1e-8, longest_step: float = np.inf, stop_at: float | None = None,
+    slider: Slider,
+    start: np.ndarray,
+    times: np.ndarray,
+    drive: Signal,
+    normal_force: Signal | None = None,
+    rtol: float = 1e-8,
+    longest_step: float = np.inf,
+    stop_at: float | None = None,
 ) -> Trajectory:
     """Return the motion at the given times, by scipy's LSODA or, if that fails, Radau (both stiff, with error control).
 
@@ -310,7 +316,13 @@ def oscillates(slider: Slider, speeds: np.ndarray, periods: float = 12.0) -> np.
     pattern = kron(np.ones((slider.size, slider.size)), identity(count))
     with np.errstate(all="ignore"):
         solution = solve_ivp(
-            scaled, (0, duration), (start / scale).ravel(), method="BDF", jac_sparsity=pattern, rtol=1e-5, atol=1e-7,
+            scaled,
+            (0, duration),
+            (start / scale).ravel(),
+            method="BDF",
+            jac_sparsity=pattern,
+            rtol=1e-5,
+            atol=1e-7,
             t_eval=np.linspace(0, duration, 400),
         )
     if not solution.success:

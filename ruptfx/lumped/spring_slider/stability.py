@@ -210,7 +210,9 @@ class ModulatedLoad(Experiment):
                 "first_harmonic": variable("eps", first, "1", "amplitude at f"),
                 "second_harmonic": variable("eps", second, "1", "amplitude at 2 f"),
                 "law": variable(
-                    "eps", small_amplitude_change(np.array(self.amplitudes), base, float(slider.law.a)), "1",
+                    "eps",
+                    small_amplitude_change(np.array(self.amplitudes), base, float(slider.law.a)),
+                    "1",
                     "-(a / mu) ln I_0(eps mu / a)",
                 ),
                 "K_c_loaded": variable("eps", np.array(critical), "N/m", "critical stiffness under the load"),
@@ -295,5 +297,10 @@ def small_amplitude_change(eps: np.ndarray | float, friction: float, a: float) -
 
 
 __all__ = [
-    "Bifurcation", "ModulatedLoad", "StabilityDiagram", "linear_rates", "onset", "small_amplitude_change",
+    "Bifurcation",
+    "ModulatedLoad",
+    "StabilityDiagram",
+    "linear_rates",
+    "onset",
+    "small_amplitude_change",
 ]

@@ -185,9 +185,7 @@ class Objective:
             result += of_term
         return np.concatenate([r for r, _ in result]), np.concatenate([factor for _, factor in result])
 
-    def change(
-        self, changes: Sequence[tuple[Place, Floats]], tell: Told = lambda done, text: None
-    ) -> Floats:
+    def change(self, changes: Sequence[tuple[Place, Floats]], tell: Told = lambda done, text: None) -> Floats:
         """Return the changes of all readings, one after the other, from those of unknowns; collective.
 
         Parameters
@@ -241,15 +239,21 @@ class Objective:
             fault = self.sweeps.points[number].fault
             face, dim = fault.interface, f"point_{fault.name}"
             coordinates[f"position_{fault.name}"] = (
-                dim, self._whole(number, face.position), {"units": "m", "long_name": f"position, {face.line.meaning}"}
+                dim,
+                self._whole(number, face.position),
+                {"units": "m", "long_name": f"position, {face.line.meaning}"},
             )
             if face.across is not None:
                 coordinates[f"across_{fault.name}"] = (
-                    dim, self._whole(number, face.across), {"units": "m", "long_name": "position along tangent 2"}
+                    dim,
+                    self._whole(number, face.across),
+                    {"units": "m", "long_name": "position along tangent 2"},
                 )
             area = "m2" if face.across is not None else "m"
             data[f"weight_{fault.name}"] = (
-                dim, self._whole(number, face.weight), {"units": area, "long_name": "tributary length or area"}
+                dim,
+                self._whole(number, face.weight),
+                {"units": area, "long_name": "tributary length or area"},
             )
         for index, each in enumerate(derivatives):
             by = f"({each.place.unit})" if set(each.place.unit) & set("/ ") else each.place.unit
@@ -264,7 +268,9 @@ class Objective:
                 of_knots = hats(each.unknown, face, self._whole(each.place.fault, face.position), f"unknowns.{index}")
                 dim = f"knot_{index}"
                 coordinates[dim] = (
-                    dim, np.array(each.unknown.knots), {"units": "m", "long_name": f"knots of {each.unknown.key}"}
+                    dim,
+                    np.array(each.unknown.knots),
+                    {"units": "m", "long_name": f"knots of {each.unknown.key}"},
                 )
                 data[each.unknown.key] = (dim, of_knots.T @ each.values, {
                     **about, "long_name": f"derivative by {each.unknown.key} at each knot",
@@ -469,8 +475,7 @@ def refuse(model: Model) -> None:
         raise CaseError(f"stepper.kind = '{case.stepper.kind()}': has no adjoint; use 'leapfrog'")
     if not model.faults:
         raise CaseError(
-            "objective: the case has no interface, whose initial stress and law are the unknowns; add "
-            "[faults.NAME]"
+            "objective: the case has no interface, whose initial stress and law are the unknowns; add [faults.NAME]"
         )
     if case.stop_when is not None:
         raise CaseError("stop_when: the end of the run would depend on the unknowns; remove it")

@@ -67,9 +67,7 @@ class PointMap:
         Initial tractions, parameters of the law and numbers of the contact method.
     """
 
-    def __init__(
-        self, fault: Fault, normal_impedance: Sequence[Floats], shear_impedance: Sequence[Floats]
-    ) -> None:
+    def __init__(self, fault: Fault, normal_impedance: Sequence[Floats], shear_impedance: Sequence[Floats]) -> None:
         law, face = fault.traced_law(), fault.interface
         self.fault, self._n = fault, len(face.weight)
         t = range(face.tangents)
@@ -199,9 +197,7 @@ class PointMap:
             *arrays[:3], np.array([each.ctypes.data for each in known], np.uintp), *arrays[3:],
         ])  # fmt: skip
         results = _rows(out)
-        getattr(library or self._library, name)(
-            ctypes.c_long(self._n), *map(address, (numbers, pointers, results))
-        )
+        getattr(library or self._library, name)(ctypes.c_long(self._n), *map(address, (numbers, pointers, results)))
         return out
 
     def _carried(self, times: Clock) -> float:
@@ -285,9 +281,13 @@ class _Step:
         }  # fmt: skip
         self.outputs = {name: _as_expression(value) for name, value in outputs.items()}
         of_run: list[Any] = [symbol(f"found_{k}") for k in t]
-        solved: Any = of_run[0] * carried.direction[0] if len(t) == 1 else (
-            point_step.length([rate + shift for rate, shift in zip(of_run, carried.shift, strict=True)])
-            - carried.shift_along
+        solved: Any = (
+            of_run[0] * carried.direction[0]
+            if len(t) == 1
+            else (
+                point_step.length([rate + shift for rate, shift in zip(of_run, carried.shift, strict=True)])
+                - carried.shift_along
+            )
         )
         self.v_found: Any = np.where(stuck > 0, 0.0, np.where(opened > 0, self.free, solved))
 
@@ -357,9 +357,7 @@ class InitialMap:
         out, numbers = np.empty((count, self._n)), np.zeros(len(NUMBERS))
         rows = [np.ascontiguousarray(each) for each in (parameters, self._given, seeds) if each is not None]
         pointers, results = np.concatenate([_rows(each) for each in rows]), _rows(out)
-        getattr(self._library, name)(
-            ctypes.c_long(self._n), *map(address, (numbers, pointers, results))
-        )
+        getattr(self._library, name)(ctypes.c_long(self._n), *map(address, (numbers, pointers, results)))
         return out
 
 

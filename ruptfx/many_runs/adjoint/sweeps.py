@@ -237,7 +237,9 @@ class Sweeps:
         return [each.readings() for each in tangents]
 
     def adjoint(
-        self, factors: list[Floats], each_step: Callable[[int, float, Floats], None] = lambda fault, time, result: None,
+        self,
+        factors: list[Floats],
+        each_step: Callable[[int, float, Floats], None] = lambda fault, time, result: None,
         tell: Told = lambda done, text: None,
     ) -> list[Floats]:
         """Return the factors of the parameters from those of all readings: their gradient; collective.
@@ -504,4 +506,3 @@ def _named(points: PointMap, outputs: Floats) -> dict[str, Floats]:
         *component_names("shear_traction", t), "opening",
     ]  # fmt: skip
     return dict(zip(names, outputs[local:], strict=True))
-

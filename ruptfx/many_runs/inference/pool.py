@@ -73,9 +73,7 @@ class Pool:
                 tell)  # fmt: skip
         return [load_one(file_of(self._out / "evaluations", number)) for number in runs]
 
-    def columns(
-        self, number: int, z: Floats, tell: Callable[[int], None] = lambda count: None
-    ) -> list[Floats]:
+    def columns(self, number: int, z: Floats, tell: Callable[[int], None] = lambda count: None) -> list[Floats]:
         """Make the tangent-linear sweeps of a Jacobian at once, and return its columns.
 
         A process that has not made the run makes it first.

@@ -170,9 +170,7 @@ def suits(shown: Map) -> bool:
     return any(axis.numeric for axis in shown.study.axes) and bool(shown.panels)
 
 
-def save(
-    directory: str | Path, formats: Sequence[str] = ("png", "pdf"), out: str | Path | None = None
-) -> list[Path]:
+def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf"), out: str | Path | None = None) -> list[Path]:
     """Draw the map of a study directory as figure and page, there or into `out`; return the files.
 
     Raises
@@ -382,8 +380,18 @@ def _draw_marks(ax: Axes, shown: Map, named: bool = True) -> None:
         x, y = (_edge_beside(shown, axis, value) for axis, value in zip(shown.axes, point, strict=True))
         halo = [withStroke(linewidth=1.5, foreground="white")]
         ax.annotate(
-            mark.label, (x if place == "center" else point[0], y), (way, up), textcoords="offset points", ha=place,
-            va="center", fontsize=6, fontweight="bold", zorder=6, path_effects=halo, parse_math=False, gid="mark",
+            mark.label,
+            (x if place == "center" else point[0], y),
+            (way, up),
+            textcoords="offset points",
+            ha=place,
+            va="center",
+            fontsize=6,
+            fontweight="bold",
+            zorder=6,
+            path_effects=halo,
+            parse_math=False,
+            gid="mark",
         )
 
 

@@ -264,9 +264,7 @@ def _where(condition: Any, *values: Any) -> Expression:
     return apply("where", condition, *values)
 
 
-def _clip(
-    x: Any, low: Any = None, high: Any = None, *, min: Any = None, max: Any = None, **given: Any
-) -> Expression:
+def _clip(x: Any, low: Any = None, high: Any = None, *, min: Any = None, max: Any = None, **given: Any) -> Expression:
     """Trace `numpy.clip`, whose bounds have two names each."""
     low, high = given.pop("a_min", low if min is None else min), given.pop("a_max", high if max is None else max)
     if given:

@@ -24,8 +24,17 @@ if TYPE_CHECKING:
     from ruptfx.results.record import Data, Files
 
 __all__ = [
-    "UNITS", "UNITS_OF_FRACTURE", "UNITS_OF_SURFACES", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
-    "slides_far", "sliding_rate", "summarise",
+    "UNITS",
+    "UNITS_OF_FRACTURE",
+    "UNITS_OF_SURFACES",
+    "Modes",
+    "classify",
+    "modes_of",
+    "nucleation",
+    "rupture_origin",
+    "slides_far",
+    "sliding_rate",
+    "summarise",
 ]
 
 OPEN, SLIDING, UNCOVERED = 0, 2, 3  # values of the field `contact`
@@ -93,8 +102,13 @@ def modes_of(record: Files, interface: str | None = None) -> Modes:
     data = _data_of(record, interface)
     rate, origin = sliding_rate(record, interface), rupture_origin(record, interface)[0]
     return classify(
-        rate, data["time"].values, data["position"].values, loaded_end=origin, V_imp=data.attrs.get("V_imp"),
-        quiet=float(data.attrs.get("rupture_threshold", QUIET)), **wave_speeds(data),
+        rate,
+        data["time"].values,
+        data["position"].values,
+        loaded_end=origin,
+        V_imp=data.attrs.get("V_imp"),
+        quiet=float(data.attrs.get("rupture_threshold", QUIET)),
+        **wave_speeds(data),
     )
 
 

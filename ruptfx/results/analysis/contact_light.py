@@ -58,7 +58,11 @@ def real_contact_area(
 
 
 def contact_light(
-    record: Record, hardness: float, growth: float = 0.0, cutoff: float = 1.0, state: str | None = None,
+    record: Record,
+    hardness: float,
+    growth: float = 0.0,
+    cutoff: float = 1.0,
+    state: str | None = None,
     interface: str | None = None,
 ) -> xarray.DataArray:
     """Return the real over the nominal contact area of a run against time and position.

@@ -321,10 +321,16 @@ def _hessian(function: Callable[[Array], float], point: Array, step: float = 1e-
     """Return the second derivatives by central differences."""
     n = len(point)
     moves = np.eye(n) * step
-    return np.array([
-        [sum(s * t * function(point + s * moves[i] + t * moves[j]) for s in (1, -1) for t in (1, -1)) / (4 * step**2)
-         for j in range(n)] for i in range(n)
-    ])
+    return np.array(
+        [
+            [
+                sum(s * t * function(point + s * moves[i] + t * moves[j]) for s in (1, -1) for t in (1, -1))
+                / (4 * step**2)
+                for j in range(n)
+            ]
+            for i in range(n)
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -404,7 +410,9 @@ class Estimates:
 
 
 def estimate(
-    catalogue: Catalogue, completeness: float | None = None, distances: tuple[float, float] | None = None,
+    catalogue: Catalogue,
+    completeness: float | None = None,
+    distances: tuple[float, float] | None = None,
     failure_time: float | None = None,
 ) -> Estimates:
     """Return all estimates that the catalogue allows.

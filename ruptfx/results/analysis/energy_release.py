@@ -17,7 +17,6 @@ from ruptfx.results.analysis.near_tip import Medium
 Array = np.ndarray
 
 
-
 def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, medium: Medium) -> float:
     """Return the energy release of a front that runs along x, from a contour above the interface [J/m2].
 

@@ -134,14 +134,16 @@ class _Samples:
         speed, passage, zone = (float(value) for value in numbers)
         late = self.time - passage
         ahead = self.x - speed * late
-        fields = np.array([
-            np.choose(self.component, [field.xx, field.yy, field.xy])
-            for field in (
-                mode_II(ahead, self.y, speed, medium, 1.0, -0.5, zone),
-                mode_II_rate(ahead, self.y, late, speed, medium, 1.0, zone),
-                mode_II(ahead, self.y, speed, medium, 1.0, 0.5, zone),
-            )
-        ])
+        fields = np.array(
+            [
+                np.choose(self.component, [field.xx, field.yy, field.xy])
+                for field in (
+                    mode_II(ahead, self.y, speed, medium, 1.0, -0.5, zone),
+                    mode_II_rate(ahead, self.y, late, speed, medium, 1.0, zone),
+                    mode_II(ahead, self.y, speed, medium, 1.0, 0.5, zone),
+                )
+            ]
+        )
         along = 1 / medium.modulus
         ratio = 1 - 2 * (medium.c_s / medium.c_p) ** 2  # -e_yy / e_xx of a stress along x alone
         columns = [*fields, np.choose(self.component, [along, -ratio * along, 0.0])]

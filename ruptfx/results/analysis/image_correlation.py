@@ -235,8 +235,15 @@ def _of_bodies(record: Record, moved: Array, pixels: int) -> Iterator[list[Array
 
 
 def experiment(  # noqa: PLR0913
-    record: Record, row: int, pixel: float, subset: int = 21, window: int | None = None, noise: float = 2.0,
-    speckle_size: float = 4.0, seed: int = 0, since: int | None = None,
+    record: Record,
+    row: int,
+    pixel: float,
+    subset: int = 21,
+    window: int | None = None,
+    noise: float = 2.0,
+    speckle_size: float = 4.0,
+    seed: int = 0,
+    since: int | None = None,
 ) -> xarray.Dataset:
     """Return measured and true displacements and strains of a synthetic image-correlation experiment on a run.
 

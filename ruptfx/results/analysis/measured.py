@@ -76,8 +76,12 @@ def channel_label(name: str, attributes: Mapping[str, object]) -> str:
 
 
 def compare_with_file(
-    record: Files, path: str | Path, instrument: str | None = None, channel: str | None = None,
-    most_shift: float | None = None, time_shift: float = 0.0,
+    record: Files,
+    path: str | Path,
+    instrument: str | None = None,
+    channel: str | None = None,
+    most_shift: float | None = None,
+    time_shift: float = 0.0,
     more: Callable[[str], Mapping[str, tuple[np.ndarray, str]]] = lambda instrument: {},
 ) -> dict[str, Pair]:
     """Compare measured signals with those of an instrument.

@@ -43,9 +43,7 @@ class SlipEvent:
     before: Array
 
 
-def slip_events(
-    data: xarray.Dataset, threshold: float, pause: float = PAUSE, settling: float = 0.0
-) -> list[SlipEvent]:
+def slip_events(data: xarray.Dataset, threshold: float, pause: float = PAUSE, settling: float = 0.0) -> list[SlipEvent]:
     """Return the events of an interface record in chronological order.
 
     Parameters

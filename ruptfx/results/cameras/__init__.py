@@ -80,7 +80,7 @@ def camera_of(record: Record, name: str | None) -> Camera:
     if not tables:
         raise RuptfxError(
             f"{record.path}: its case has no [[cameras]]; name one as a table, such as --camera "
-            "'{ kind = \"speckles\", name = \"film\", frame_rate = 2e5, exposure = 5e-7, pixel = 5e-4 }'"
+            '\'{ kind = "speckles", name = "film", frame_rate = 2e5, exposure = 5e-7, pixel = 5e-4 }\''
         )
     if name is None and len(tables) > 1:
         raise RuptfxError(f"{record.path}: it has several cameras; give --camera {' or '.join(tables)}")

@@ -37,8 +37,7 @@ class Polariscope(Camera):
             raise ValueError(f"{key}.kind = 'polariscope': fringes are of plates, and plane = '{plane}'; remove it")
         if self.polariser and self.field != "plane":
             raise ValueError(
-                f"{key}.polariser = {self.polariser:g}: without effect with field = '{self.field}'; remove "
-                "it"
+                f"{key}.polariser = {self.polariser:g}: without effect with field = '{self.field}'; remove it"
             )
 
     def film(self, record: Record) -> xarray.DataArray:

@@ -127,9 +127,7 @@ def in_two_dimensions(record: Record) -> None:
         )
 
 
-def _that_slide(
-    record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any
-) -> Film:
+def _that_slide(record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any) -> Film:
     """Return the film of bodies with finite sliding, at their displaced positions."""
     bulk = record.bulk
     points, cells, times = bulk["points"].values, bulk["cells"].values, bulk["time"].values
@@ -267,7 +265,11 @@ def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]
 
 
 def save(
-    record: Record, what: str, path: Path, rate: float = 12.0, most: int = 200,
+    record: Record,
+    what: str,
+    path: Path,
+    rate: float = 12.0,
+    most: int = 200,
     told: Told = lambda part, text: None,
 ) -> int:
     """Write a movie; the suffix of the file selects the format.

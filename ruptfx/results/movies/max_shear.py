@@ -20,6 +20,7 @@ NUDGE = 0.05  # of a step: avoids a contour at a round initial stress, where it 
 
 def max_shear(record: Record) -> Film:
     """Return the film of the largest in-plane shear stress."""
+
     def shear(row: int, raster: Raster) -> Array:
         return raster(0.5e-6 * record.bulk["fringe"].isel(time=row).values)
 

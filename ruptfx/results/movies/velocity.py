@@ -12,6 +12,7 @@ from ruptfx.results.record import Record
 
 def velocity(record: Record) -> Film:
     """Return the film of the particle speed."""
+
     def speed(row: int, raster: Raster) -> Array:
         return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
 

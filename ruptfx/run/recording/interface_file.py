@@ -90,8 +90,13 @@ class InterfaceFile(GrowingFile):
 
 
 def _variable(
-    file: h5netcdf.File, name: str, dimensions: tuple[str, ...], unit: str, text: str,
-    values: np.ndarray | None = None, meanings: tuple[str, ...] = (),
+    file: h5netcdf.File,
+    name: str,
+    dimensions: tuple[str, ...],
+    unit: str,
+    text: str,
+    values: np.ndarray | None = None,
+    meanings: tuple[str, ...] = (),
 ) -> None:
     """Return the variable of a quantity, or of a state with a few meanings as in the CF conventions."""
     missing = np.nan if values is None and not meanings else None

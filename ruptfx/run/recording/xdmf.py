@@ -76,7 +76,7 @@ def write(path: Path, mesh: Mesh, times: Iterable[float], fields: Sequence[Field
     (cells, (count, corners)), (points, (nodes, dim)) = mesh.cells, mesh.points
     static = (
         f'<Topology TopologyType="{mesh.shape}" NodesPerElement="{corners}" NumberOfElements="{count}">'
-        f'{item(cells, (count, corners), "Int")}</Topology>\n'
+        f"{item(cells, (count, corners), 'Int')}</Topology>\n"
         f'<Geometry GeometryType="{"XY" if dim == 2 else "XYZ"}">{item(points, (nodes, dim), "Float", 8)}</Geometry>\n'
     )
     for name in mesh.fixed:

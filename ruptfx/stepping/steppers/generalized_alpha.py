@@ -69,8 +69,7 @@ class GeneralizedAlpha(Stepper):
     def _consistent(self) -> GeneralizedAlpha:
         if self.scheme != "newmark" and (self.gamma, self.beta) != (None, None):
             raise ValueError(
-                f"gamma and beta belong to scheme = 'newmark'; scheme = '{self.scheme}' has its own; remove "
-                "them"
+                f"gamma and beta belong to scheme = 'newmark'; scheme = '{self.scheme}' has its own; remove them"
             )
         if self.scheme == "hht" and self.spectral_radius < 0.5:
             raise ValueError(f"spectral_radius = {self.spectral_radius:g}: must be 0.5 to 1 with scheme = 'hht'")

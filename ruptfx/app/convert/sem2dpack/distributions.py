@@ -137,9 +137,7 @@ def _rings(value: Input, shape: Block) -> Field:
 def _gaussian(value: Input, shape: Block) -> Field:
     (x_0, z_0), (a, b) = shape.pair("centered_at", (0.0, 0.0)), shape.pair("length", (1.0, 1.0))
     power, offset, amplitude = 2 * shape.number("order", 1), shape.number("offset", 0.0), shape.number("ampli", 1.0)
-    return lambda x, z: (
-        offset + amplitude * np.exp(-(np.abs((x - x_0) / a) ** power) - np.abs((z - z_0) / b) ** power)
-    )
+    return lambda x, z: offset + amplitude * np.exp(-(np.abs((x - x_0) / a) ** power) - np.abs((z - z_0) / b) ** power)
 
 
 def _gradient(value: Input, shape: Block) -> Field:

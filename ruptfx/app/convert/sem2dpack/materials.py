@@ -53,8 +53,10 @@ def read(value: Input) -> dict[int, Medium]:
                 value.refuse(f"MATERIAL.{kind}", f"{what}; write kind='ELAST' and &MAT_ELASTIC in its place")
         left_out = {kind for kind in kinds if kind == "KV" or f"material.{kind}".lower() in value.without}
         if left_out == set(kinds):
-            raise ConversionError(f"&MATERIAL tag = {tag}: is required; write kind='ELAST' and &MAT_ELASTIC in place "
-                                  f"of {', '.join(kinds)}")
+            raise ConversionError(
+                f"&MATERIAL tag = {tag}: is required; write kind='ELAST' and &MAT_ELASTIC in place "
+                f"of {', '.join(kinds)}"
+            )
         for kind in (each for each in kinds if each in BODIES):
             viscosity = _properties(value, block, "MAT_KV") if "KV" in kinds else None
             name, convert = BODIES[kind]

@@ -351,8 +351,16 @@ def _at(lengths: AnyLengths, point: int) -> AnyLengths:
 
 
 def _breakdown_rows(  # noqa: PLR0913
-    label: str, law: Breakdown, tau: float, note: str, modulus: float, speeds: WaveSpeeds, spacing: float, fault: Fault,
-    model: System, where: str,
+    label: str,
+    law: Breakdown,
+    tau: float,
+    note: str,
+    modulus: float,
+    speeds: WaveSpeeds,
+    spacing: float,
+    fault: Fault,
+    model: System,
+    where: str,
 ) -> Iterator[Row]:
     """Yield S ratio, critical lengths and process zone of laws that weaken with slip."""
     if law.drop <= 0:

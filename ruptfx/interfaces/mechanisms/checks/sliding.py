@@ -35,8 +35,10 @@ def surface_rows(
     ratio = sides[0].spacing / sides[1].spacing
     coarse = "; the finer side should carry the points: swap plus and minus" if ratio > COARSER else ""
     if ratio < 1 / FAR_COARSER:
-        coarse = f"; the minus side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not " \
-                 "resolved, refine it"
+        coarse = (
+            f"; the minus side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not "
+            "resolved, refine it"
+        )
     spacings = f"{sides[0].spacing:.4g} and {sides[1].spacing:.4g} m{coarse}"
     yield Row(f"{label}: spacing of nodes, plus / minus", ratio, "", spacings, "warning" if coarse else "ok")
     chord = sides[0].points[-1] - sides[0].points[0]

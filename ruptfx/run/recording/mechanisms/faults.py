@@ -123,9 +123,7 @@ class FaultRecords(Records):
             numbers += records * fault.interface.total * (len(names) + len(fault.state_fields()))
         return numbers
 
-    def _attributes(
-        self, fault: Fault, place: dict[str, np.ndarray], sides: Sides, frame: np.ndarray | None
-    ) -> Table:
+    def _attributes(self, fault: Fault, place: dict[str, np.ndarray], sides: Sides, frame: np.ndarray | None) -> Table:
         case, line, bodies = self.model.case, fault.interface.line, self.model.bodies
         about: Table = {}
         if not (body := self.model.materials[bodies.names.index(next(iter(sides.bodies)))]).isotropic:
