@@ -68,8 +68,8 @@ class Model(System):
             self.section = None
             bodies = distribute(world, case.mesh, self._tied_edges(), sliding, broken)
         else:
+            bodies = distribute(world, Strip(case.mesh, order))  # refuses meshes that are no sections
             self.section = Section(case.mesh, materials, order, boundaries)
-            bodies = distribute(world, Strip(case.mesh, order))
             materials = {name: each for name, each in materials.items() if name in ("default", *bodies.names)}
             order, boundaries = 1, []
         if broken and bodies.mesh.basix_cell().name != "triangle":

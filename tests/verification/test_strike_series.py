@@ -269,6 +269,15 @@ def test_refuses_a_material_whose_strains_along_z_and_across_it_are_coupled(monk
         Section(mesh, {"default": wood}, 1, held)
 
 
+def test_refuses_a_mesh_that_is_no_section() -> None:
+    case = faulted()
+    along = {"along_strike": {"length": 5.0, "period": 8.0, "points": 16}}
+    with pytest.raises(RuptfxError, match=r"along_strike.*'extruded'.*strike_slip_section"):
+        section_of = {"kind": "two_plates", "length": 4.0, "height": 2.0, "element_size": 1.0}
+        mesh = {"kind": "extruded", "thickness": 1.0, "section": section_of, **along}
+        Model(Case.model_validate({**case.model_dump(exclude_none=True), "mesh": mesh}), fem.MPI.COMM_SELF)
+
+
 def test_refuses_pressed_edges() -> None:
     pressed = {"kind": "traction", "edge": "upper.right", "traction": [-1e6, 0.0, 0.0]}
     pushed = faulted({"boundaries": [*faulted().model_dump(exclude_none=True)["boundaries"], pressed]})
