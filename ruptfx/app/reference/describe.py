@@ -45,9 +45,9 @@ from ruptfx.results import summary_fields
 from ruptfx.stepping.stopping import StopWhen
 
 FOLDERS = (
-    "friction", "cohesion", "cracks", "collisions", "nucleation", "pore_pressure", "temperature", "boundaries",
-    "attachments", "contact", "materials", "meshes", "initial_stress", "phases", "steppers", "stop_rules", "operators",
-    "instruments", "misfits", "cameras", "profiles", "search_methods", "lumped",
+    "friction", "cohesion", "cracks", "collisions", "nucleation", "slip_histories", "pore_pressure", "temperature",
+    "boundaries", "attachments", "contact", "materials", "meshes", "initial_stress", "phases", "steppers", "stop_rules",
+    "operators", "instruments", "misfits", "cameras", "profiles", "search_methods", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},
