@@ -161,7 +161,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     end = 2 * YEAR
     for law in ("rate_and_state_ageing", "rate_and_state_slip"):
         name = law.removeprefix("rate_and_state_")
-        for spacing in (100.0, 50.0) if fine else (200.0, 100.0):
+        for spacing in (50.0, 25.0) if fine else (100.0, 50.0):
             with tempfile.TemporaryDirectory() as folder:
                 given = march(fault(pressure_file(folder, spacing), law, spacing, FAR, end, 1e-4))
             computed = march(fault(well(), law, spacing, FAR, end, 1e-4))
