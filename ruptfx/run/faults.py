@@ -138,7 +138,8 @@ def _prescribed(case: Case, face: Interface, fault: FaultCase, width: float) -> 
     most, largest = case.output.rupture_threshold, float(np.abs(slip.slip(0.0)).max(initial=0.0))
     if largest > 0:
         raise CaseError(
-            f"prescribed_slip: slips {largest:.4g} m at time 0, where nothing has moved; begin with no slip"
+            f"prescribed_slip: slips {largest:.4g} m at time 0, where nothing has moved; "
+            "use a history without slip then"
         )
     if "inertia" in case.stepper.offers and np.any(slip.jump > most):
         point = int(np.argmax(slip.jump))

@@ -100,7 +100,9 @@ def _read(file: str, rise_time: float | None, rupture_speed: float | None) -> Mo
         words = content.split()
         if words and not content.startswith("%"):
             if len(words) < len(names):
-                raise ValueError(f"line {line} of {path}: has {len(words)} numbers, and the columns are {len(names)}")
+                raise ValueError(
+                    f"line {line} of {path}: has {len(words)} numbers, the columns are {len(names)}; fill the others"
+                )
             rows.append([number(word, path, line) for word in words[: len(names)]])
     if len(rows) != along * down:
         raise ValueError(
@@ -168,6 +170,7 @@ def _order(path: Path, columns: dict[str, np.ndarray], header: dict[str, float],
     number_of = j * along + i
     if np.any(i >= along) or np.any(j >= down) or len(np.unique(number_of)) != along * down:
         raise ValueError(
-            f"{path}: X, Y and Z are not a plane grid of {along} x {down} subfaults of the header's size (in km)"
+            f"{path}: X, Y and Z are not a plane grid of {along} x {down} subfaults of the header's size "
+            "(in km); change the header or the columns"
         )
     return np.argsort(number_of)

@@ -64,7 +64,8 @@ class Words:
         item = next(self._words, None)
         if item is None:
             raise ValueError(
-                f"{self.path}: ends after line {self.line}, where {meaning} should follow; the file is cut off"
+                f"{self.path}: ends after line {self.line}, where {meaning} should follow; the file is cut off, "
+                "use the original one"
             )
         self.line, word = item
         return word
