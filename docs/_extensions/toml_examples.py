@@ -36,6 +36,7 @@ DECLARED = {
     "nucleation": "[[faults.main.nucleation]]", "materials": "[materials.default]", "steppers": "[stepper]",
     "cracks": "[fracture]", "stop_rules": "[[stop_when.rules]]", "search_methods": "[search.method]",
     "pore_pressure": "[[faults.main.pore_pressure]]", "temperature": "[[faults.main.temperature]]",
+    "slip_histories": "[[faults.main.prescribed_slip]]",
 }  # fmt: skip
 """Headings of the tables that kinds declare, or that are made from their types."""
 HEADER = re.compile(r"^\[{1,2}([\w.\"-]+)\]{1,2}", re.MULTILINE)

@@ -611,9 +611,11 @@ LUMPED: dict[str, Remedy] = {
                                                "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}},
         "give numbers, no profile", lambda m: [{"friction.a": 0.01}]),
     "another law of a slider": Remedy(
-        {"kind": "spring_slider", "friction": {"kind": "coulomb", "mu_d": 0.6}}, r"use (\w+), _(\w+) or _(\w+)",
+        {"kind": "spring_slider", "friction": {"kind": "coulomb", "mu_d": 0.6}}, r"use (\w+), _(\w+), _(\w+) or _(\w+)",
         lambda m: [{"friction": {"kind": m[1], **AGEING}}, {"friction": {"kind": f"rate_and_state_{m[2]}", **AGEING}},
-                   {"friction": {"kind": f"rate_and_state_{m[3]}", **AGEING, "theta_c": 1.0}}]),
+                   {"friction": {"kind": f"rate_and_state_{m[3]}", **AGEING, "theta_c": 1.0}},
+                   {"friction": {"kind": f"rate_and_state_{m[4]}", **AGEING, "T_0": 293.0,
+                                 "temperature_initial": 310.0}}]),
 }  # fmt: skip
 
 
