@@ -33,7 +33,7 @@ class RateAndStateThermal(RateAndState):
     )
     source = "Baumberger, Berthoud, Caroli (2001), eqs. 4, 6, 7; Williams, Landel, Ferry (1955)"
     example: ClassVar[str] = (
-        '{ kind = "rate_and_state_thermal", a = 0.013, b = 0.026, D_c = 5e-6, f_0 = 0.36, V_0 = 1e-6, '
+        '{ kind = "rate_and_state_thermal", a = 0.013, b = 0.026, D_c = 5e-5, f_0 = 0.36, V_0 = 1e-6, '
         "T_0 = 293.0, temperature_initial = 310.0, a_slope = 1.0, b_slope = 2.0, C_1 = 8.0, C_2 = 100.0 }"
     )
 
