@@ -18,6 +18,7 @@ from ruptfx.case import consistency, support
 from ruptfx.input.plugins import CaseFile, active, named
 from ruptfx.input.quantities import require_units, si_and_units
 from ruptfx.input.schema import (
+    ONE_OR_SEVERAL,
     Alternative,
     CaseError,
     Name,
@@ -78,7 +79,7 @@ class FaultCase(Part):
     """Contact method for opening and slip."""
     friction: AnyFriction | None = None
     """Friction law; only an interface with prescribed slip needs none, and then has no other slip."""
-    prescribed_slip: list[AnySlipHistory] = []
+    prescribed_slip: Annotated[list[AnySlipHistory], ONE_OR_SEVERAL] = []
     """Slip that is given in space and time, in place of friction; the slips of several entries add up."""
     cohesion: AnyCohesion | None = None
     """Cohesive law in tension and shear, in addition to friction."""
@@ -89,11 +90,11 @@ class FaultCase(Part):
     sliding: Sliding | None = None
     """Finite sliding: with this table, even an empty one, the two sides may slide any distance, and their meshes
     need not match."""
-    nucleation: list[AnyNucleation] = []
+    nucleation: Annotated[list[AnyNucleation], ONE_OR_SEVERAL] = []
     """Nucleation of the rupture; entries act together."""
-    pore_pressure: list[AnyPorePressure] = []
+    pore_pressure: Annotated[list[AnyPorePressure], ONE_OR_SEVERAL] = []
     """Pore pressure, subtracted from the normal stress in the friction law; entries add up."""
-    temperature: list[AnyTemperature] = []
+    temperature: Annotated[list[AnyTemperature], ONE_OR_SEVERAL] = []
     """Temperature of the interface, which friction laws may read; entries add up."""
 
     @field_validator("nucleation", "prescribed_slip", "pore_pressure", "temperature", mode="before")

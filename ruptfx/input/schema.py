@@ -732,6 +732,15 @@ def alternative(package: str) -> Any:
     ]
 
 
+def _one_or_several(schema: Table) -> None:
+    array = {key: schema.pop(key) for key in ("type", "items")}
+    schema["anyOf"] = [array, array["items"]]
+
+
+ONE_OR_SEVERAL = Field(json_schema_extra=_one_or_several)
+"""Of a list for which one table may stand: so says its JSON schema."""
+
+
 def by_kind(*kinds: str) -> Discriminator:
     """Return the choice between the parts of a union by their key `kind`; each has a tag, `Tag("<KIND>")`."""
 

@@ -171,6 +171,22 @@ def test_surfaces_have_fields(field: str, kind: str) -> None:
     assert all(np.isfinite(fields[name]).all() for name in model.faults[0].fields.initial())
 
 
+def test_one_number_is_a_line_of_wells_across_a_surface() -> None:
+    """The fluid of all its points is that of the well, and the pressure is the same at all depths."""
+    wells = [{"center": 0.0, "rate": 1e-9}]
+    model, _, state = march(parse_case(strike_slip({
+        "duration": 1e-6, "faults.main.initial_stress.normal": 6e6,
+        "faults.main.pore_pressure": {**WELL, "wells": wells},
+    })))  # fmt: skip
+    face, pressure = model.faults[0].interface, state.faults["main"]["pore_pressure"]
+    along = np.round(face.locations[:, 0], 9)
+    spread = max(np.ptp(pressure[along == x]) for x in np.unique(along))
+    assert pressure.max() > 0 and spread < 1e-9 * pressure.max()
+    stored = parallel.total(COMM, float((face.owned * face.area) @ pressure))
+    storage = WELL["compressibility"] * WELL["porosity"] * WELL["thickness"]
+    assert storage * stored == pytest.approx(1e-9 * state.time, rel=1e-9)
+
+
 def test_contributions_add_up() -> None:
     both = [{"kind": "given", "pressure": 1e6}, {"kind": "given", "pressure": 5e5}]
     model = Model(case({**SLIDES, "faults.main.pore_pressure": both}))

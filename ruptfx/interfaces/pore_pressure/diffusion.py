@@ -31,7 +31,7 @@ class Well(Part):
     """A well that injects or withdraws fluid, or has a known pressure."""
 
     center: Center
-    """Place of the well on the interface."""
+    """Place of the well on the interface; on a surface a point, or one number for a line of wells across it."""
     rate: Annotated[float, Unit("m3/s")] | None = None
     """Volume of fluid that enters the interface per time, in 2D per metre of thickness of the bodies [m2/s]; negative
     where it leaves."""
@@ -85,13 +85,13 @@ class Diffusion(PorePressure):
     )
 
     permeability: VaryingPermeability
-    """k."""
+    """k of the layer."""
     viscosity: Viscosity
     """eta of the fluid."""
     compressibility: Compressibility
     """beta of fluid and pores."""
     porosity: Fraction
-    """phi."""
+    """phi of the layer."""
     thickness: Length
     """b of the permeable layer."""
     wells: list[Well] = []
@@ -124,7 +124,7 @@ def _check_place(model: System, face: Interface, well: Well, key: str) -> None:
     if face.across is not None:
         deepest = parallel.largest(model.comm, float(face.across.max(initial=0.0)))
         ranges.append((0.0, deepest))
-    for value, (first, last) in zip(place, ranges, strict=True):
+    for value, (first, last) in zip(place, ranges, strict=False):  # one number is a position along strike
         if not first <= value <= last:
             raise CaseError(
                 f"{key} = {value:.6g} m: the well is off the interface, whose points are from {first:.6g} to "
@@ -157,14 +157,14 @@ class PressureAlong(Contribution):
         self._pressures: list[tuple[Well, np.ndarray]] = []
         for well in table.wells:
             away = distance(places, well.center)
-            share = np.zeros(face.total)
-            share[np.argmin(away)] = 1.0
-            if well.half_width is not None:
-                share = area * np.exp(-0.5 * (away / well.half_width) ** 2)
+            # All points of a line across a surface are the nearest ones of a center that is one number.
+            nearest = away <= away.min() + RIM * np.ptp(places, axis=0).max()
             if well.pressure is not None:
-                self._fixed |= share > 0
-                self._pressures.append((well, share))
+                self._fixed |= nearest
+                self._pressures.append((well, nearest.astype(float)))
             else:
+                width = well.half_width
+                share = area * (nearest if width is None else np.exp(-0.5 * (away / width) ** 2))
                 self._rates.append((well, share / share.sum()))
         mobility = np.broadcast_to(table.permeability, len(face.plus)) / table.viscosity
         storage = table.compressibility * table.porosity

@@ -37,9 +37,9 @@ class ThermalPressurisation(PorePressure):
     heat_capacity: HeatCapacity
     """rho c, density times heat capacity, per volume."""
     thermal_diffusivity: VaryingDiffusivity
-    """alpha_th."""
+    """alpha_th of heat."""
     hydraulic_diffusivity: VaryingDiffusivity
-    """alpha_hy."""
+    """alpha_hy of the fluid."""
     pressure_per_temperature: PressurePerTemperature
     """Lambda: undrained change of the pore pressure with the temperature."""
     width: Width

@@ -29,7 +29,7 @@ class Conduction(Temperature):
     heat_capacity: HeatCapacity
     """rho c, density times heat capacity, per volume."""
     thermal_diffusivity: VaryingDiffusivity
-    """alpha_th."""
+    """alpha_th of heat."""
     width: Width = 0.0
     """w of the heated layer; 0: a plane."""
 
