@@ -116,7 +116,8 @@ LINE_SEARCH = {"snes_linesearch_type": "bt"}  # finds no step where the residual
 
 
 def sliding(options: dict[str, Any]) -> Any:
-    return parse_case(impact(6e6, 2.0, changes={**SLIDING, "stepper": {"kind": "petsc_ts", "petsc_options": options}}))
+    stepper = {"kind": "petsc_ts", "courant": 10.0, "petsc_options": options}
+    return parse_case(impact(6e6, 2.0, changes={**SLIDING, "stepper": stepper}))
 
 
 def test_steps_have_the_length_that_was_asked_for() -> None:

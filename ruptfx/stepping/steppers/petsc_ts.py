@@ -56,7 +56,7 @@ class PetscTs(Stepper):
     time_step: Duration | None = None
     """Length of a step; default: from `courant`."""
     courant: Positive | None = None
-    """Time step over the stable explicit one, without `time_step`; default: 10 for `alpha2`, else 0.5."""
+    """Time step over the stable explicit one, without `time_step`; default: 2.5 for `alpha2`, else 0.5."""
     petsc_options: PetscOptions = {}
     """Options of PETSc's TS and solvers."""
 
@@ -73,7 +73,7 @@ class PetscTs(Stepper):
                 f"stepper.petsc_options.ts_basicsymplectic_type = '{kind}': its stages go back in time, friction "
                 "cannot; use '1', '2', or scheme = 'rk'"
             )
-        courant = self.courant or (10.0 if self.scheme == "alpha2" else 0.5)
+        courant = self.courant or (2.5 if self.scheme == "alpha2" else 0.5)
         return PetscTsMotion(model, self, self.time_step or parallel.three_digits(courant * stable_time_step(model)))
 
 
