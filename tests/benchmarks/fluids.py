@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.special import erfc
 
 from ruptfx.app.bench import Check, Outcome
@@ -42,6 +43,7 @@ VISCOSITY = 1e-3
 LAYER = {"kind": "diffusion", "permeability": ALPHA * BETA * PHI * VISCOSITY, "viscosity": VISCOSITY,
          "compressibility": BETA, "porosity": PHI, "thickness": 1.0}  # fmt: skip
 ELASTIC = {"kind": "isotropic_elastic", "young_modulus": 2.5 * G, "poisson_ratio": 0.25, "density": DENSITY}
+TOLERANCE = 1e-5  # of quasi-dynamic steps
 SOURCE = "SEAS BP6-QD"
 
 
@@ -87,8 +89,8 @@ def well(off: float = T_OFF) -> dict[str, Any]:
 def pressure_file(folder: str, spacing: float) -> dict[str, Any]:
     """Write the closed form on a grid of times and positions; return the table of a given pressure."""
     positions = np.linspace(0, FAULT, round(FAULT / spacing) + 1)
-    early = np.concatenate([[0.0], np.geomspace(1e-3 * DAY, T_OFF, 300)])
-    times = np.concatenate([early, T_OFF + np.geomspace(1e-3 * DAY, 2 * YEAR, 300)])
+    early = np.concatenate([[0.0], np.geomspace(1e-3 * DAY, T_OFF, 1000)])
+    times = np.concatenate([early, T_OFF + np.geomspace(1e-3 * DAY, 2 * YEAR, 1000)])
     rows = [(time, position, value) for time in times
             for position, value in zip(positions, line_source(positions, time), strict=True)]  # fmt: skip
     path = Path(folder) / "pressure.csv"
@@ -105,6 +107,13 @@ class March(NamedTuple):
     position: np.ndarray
     profile: np.ndarray
     pressure: np.ndarray
+
+    @property
+    def largest_rate(self) -> float:
+        """Largest slip rate [m/s], by a spline between steps: those of two runs do not meet its peak alike."""
+        peak = int(np.argmax(self.rates))
+        between = np.linspace(self.times[peak - 1], self.times[peak + 1], 2001)
+        return float(np.exp(CubicSpline(self.times, np.log(self.rates))(between).max()))
 
 
 def march(table: dict[str, Any]) -> March:
@@ -161,15 +170,15 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     end = 2 * YEAR
     for law in ("rate_and_state_ageing", "rate_and_state_slip"):
         name = law.removeprefix("rate_and_state_")
-        for spacing in (50.0, 25.0) if fine else (100.0, 50.0):
+        for spacing in (100.0, 50.0) if fine else (200.0, 100.0):
             with tempfile.TemporaryDirectory() as folder:
-                given = march(fault(pressure_file(folder, spacing), law, spacing, FAR, end, 1e-4))
-            computed = march(fault(well(), law, spacing, FAR, end, 1e-4))
+                given = march(fault(pressure_file(folder, spacing), law, spacing, FAR, end, TOLERANCE))
+            computed = march(fault(well(), law, spacing, FAR, end, TOLERANCE))
             text = f"{name}, {spacing:g} m: given against diffusion"
             checks += [
                 Check(f"{text}, slip at the source", given.slips[-1], computed.slips[-1], 1e-3, "m", "own run",
                       relative=True),
-                Check(f"{text}, largest slip rate", given.rates.max(), computed.rates.max(), 1e-3, "m/s", "own run",
+                Check(f"{text}, largest slip rate", given.largest_rate, computed.largest_rate, 1e-3, "m/s", "own run",
                       relative=True),
             ]  # fmt: skip
             runs[name, spacing] = computed

@@ -21,7 +21,7 @@ class VelocityWeakening(FrictionLaw):
     A case has either V_w or omega; with omega the slip rate V_w differs between points of different mu_s - mu_d.
     """
 
-    example: ClassVar[str] = '{ kind = "velocity_weakening", mu_s = 0.6, mu_d = 0.2, V_w = 0.1 }'
+    example: ClassVar[str] = '{ kind = "velocity_weakening", mu_s = 0.6, mu_d = 0.2, V_w = 1.0 }'
     formula = "strength = [mu_d + (mu_s - mu_d) exp(-V / V_w)] sigma, V_w = sqrt(omega / (mu_s - mu_d))"
     source = "Kammer, Yastrebov, Spijker, Molinari (2012)"
 
