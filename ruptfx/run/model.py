@@ -32,7 +32,6 @@ from ruptfx.interfaces.cracks.step import CrackStep
 from ruptfx.interfaces.faults.fault import Fault, in_steps
 from ruptfx.interfaces.mechanisms import mechanisms_of
 from ruptfx.interfaces.mechanisms.system import System, Viscosity
-from ruptfx.interfaces.section import Section
 from ruptfx.laws.contact import Way
 from ruptfx.laws.materials import WaveSpeeds
 from ruptfx.laws.materials.traced import TracedMaterial, traced
@@ -69,6 +68,8 @@ class Model(System):
             bodies = distribute(world, case.mesh, self._tied_edges(), sliding, broken)
         else:
             bodies = distribute(world, Strip(case.mesh, order))  # refuses meshes that are no sections
+            from ruptfx.interfaces.section import Section  # needs SciPy, whose import takes long
+
             self.section = Section(case.mesh, materials, order, boundaries)
             materials = {name: each for name, each in materials.items() if name in ("default", *bodies.names)}
             order, boundaries = 1, []

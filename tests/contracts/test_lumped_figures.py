@@ -149,6 +149,19 @@ def frequency_response() -> None:
     assert top.get_title(loc="left") == f"{float(data.resonance):.4g} 1/s, Q = {float(data.quality):.3g}"
 
 
+def temperatures() -> None:
+    """A curve for each temperature over the contact time, their slopes, and all over the reduced time."""
+    data = made_up(static_friction="temperature hold", reduced_time="temperature hold", ageing_slope="temperature",
+                   temperature="temperature", hold="hold")  # fmt: skip
+    left, middle, right = slider.temperatures(data).axes
+    rows = [data.isel(temperature=number) for number in range(data.sizes["temperature"])]
+    shows(left, *((data.hold, row.static_friction) for row in rows))
+    shows(middle, (data.temperature, data.ageing_slope))
+    shows(right, *((row.reduced_time, row.static_friction) for row in rows))
+    labels = [text.get_text() for text in left.get_legend().get_texts()]
+    assert labels == [f"{float(row.temperature):g} K" for row in rows]
+
+
 def fit() -> None:
     names = [name + end for name in ("a", "b", "D_c") for end in ("", "_low", "_high")]
     data = made_up(time="time", measured="time", fitted="time", **dict.fromkeys(names, "")).assign_attrs(confidence=0.9)
@@ -283,6 +296,7 @@ FIGURES: list[Callable[[], None]] = [
     stick_slip,
     loading_unloading,
     frequency_response,
+    temperatures,
     fit,
     asperity_population,
     burridge_knopoff,

@@ -403,8 +403,8 @@ def test_no_allocation_per_step(kind: str) -> None:
     steps()
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    # Small Python objects of the call come and go; one vector of this mesh takes more than 8 kB.
-    assert displacement.nbytes > 8000 and peak < 4000
+    # Small Python objects of the call come and go, some 4 kB; one vector of this mesh takes more than 12 kB.
+    assert displacement.nbytes > 12000 and peak < 6000
 
 
 @fast

@@ -37,6 +37,7 @@ from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.bodies.spectrum import highest_frequency
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.faults.fault import fail
 from ruptfx.interfaces.faults.interface import build_interface
 from ruptfx.interfaces.faults.nearest import nearest_on_line
 from ruptfx.interfaces.faults.projection import ProjectionError
@@ -274,7 +275,7 @@ def test_an_error_on_one_rank_ends_all(steps: int, shared_tmp_path: Path, monkey
         point = np.flatnonzero(self.fault.interface.owned & (self.fault.interface.number == 5))
         if round(time / self.clock.dt) == steps and len(point):
             values = {"trial_shear_traction": 1.0, "trial_normal_stress": 2.0, "Z": 1.0}
-            self.fault.fail(state, int(point[0]), time, values)
+            fail(self.fault, state, int(point[0]), time, values)
         return result
 
     monkeypatch.setattr(FaultStep, "__call__", once)

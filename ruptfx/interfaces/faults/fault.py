@@ -243,12 +243,8 @@ class Fault:
         if self.cohesion is not None:
             now = now + cohesive_interface.stored(state)
         area, taken = face.owned * face.weight, np.sum(shear * slip, axis=1)
-        prescribed = self.prescribed_power(taken)
+        prescribed = 0.0 if self.prescribed is None else self.prescribed.power(face, taken)
         return float(np.sum(area * (now - before))), float(area @ taken) - prescribed, prescribed
-
-    def prescribed_power(self, power: np.ndarray) -> float:
-        """Return the part of a power of slip [W/m2], shape (n,), at points of this rank with prescribed slip [W]."""
-        return float((self.interface.owned * self.interface.weight * self.is_held) @ power)
 
     def cohesive_losses(self, old: FaultState, new: FaultState, since: float) -> Losses:
         """Return what cohesion takes in a step of the length `since` [s] that ends with the traction."""
@@ -293,13 +289,14 @@ class Fault:
         density = np.sum(self.shear_traction_0 * slip, axis=1) - self.normal_stress_0 * opening
         return float(np.sum(face.owned * face.weight * density))
 
-    def fail(self, state: FaultState, point: int, time: float, values: dict[str, float]) -> None:
-        """Raise the error of a point that failed."""
-        x = ", ".join(f"{value:.6g}" for value in self.interface.points[point])
-        where = f"of fault '{self.name}' at ({x}) m, time {time:.6g} s"
-        known = {name: float(state[name][point]) for name in self.state_fields()}
-        least = least_strength(self.traced_law(), state, point, values)
-        raise explain(self.friction, int(self.interface.number[point]), where, values | known, least)
+
+def fail(fault: Fault, state: FaultState, point: int, time: float, values: dict[str, float]) -> None:
+    """Raise the error of a point that failed."""
+    x = ", ".join(f"{value:.6g}" for value in fault.interface.points[point])
+    where = f"of fault '{fault.name}' at ({x}) m, time {time:.6g} s"
+    known = {name: float(state[name][point]) for name in fault.state_fields()}
+    least = least_strength(fault.traced_law(), state, point, values)
+    raise explain(fault.friction, int(fault.interface.number[point]), where, values | known, least)
 
 
 def in_steps(faults: Iterable[Fault], way: Way, tied: bool) -> list[Fault]:

@@ -178,7 +178,9 @@ class FaultStep:
             self._add_work(state, fault.load(time - since), load, rate_old)
         if fault.prescribed is not None:
             duration = since if fault.contact.traction_ends_slip else self.clock.kick
-            self.prescribed_work = fault.prescribed_power(frictional_power(fault, before, state, since)) * duration
+            self.prescribed_work = (
+                fault.prescribed.power(fault.interface, frictional_power(fault, before, state, since)) * duration
+            )
         return float(self._result[0]) - self.prescribed_work
 
     def _prescribe(self, state: FaultState, time: float) -> FaultState:

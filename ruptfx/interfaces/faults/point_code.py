@@ -20,7 +20,7 @@ from ruptfx.bodies.state import FaultState
 from ruptfx.input.fields import FIELDS, MONITORS, Moment
 from ruptfx.interfaces.faults import point_step
 from ruptfx.interfaces.faults.cohesive_interface import DAMAGED, STATE, TracedCohesion
-from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.fault import Fault, fail
 from ruptfx.interfaces.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.laws.contact import Point, Trial
 from ruptfx.platform.codegen import native
@@ -100,7 +100,7 @@ class PointCode:
     def fail(self, state: FaultState, time: float, result: np.ndarray) -> None:
         """Raise the error of the point that the C code returned in its result."""
         values = dict(zip(FAILURE, map(float, result[2 : 2 + len(FAILURE)]), strict=True))
-        self._fault.fail(state, int(result[1]), time, values)
+        fail(self._fault, state, int(result[1]), time, values)
 
     def compile(
         self, name: str, sources: Sequence[str], known: Mapping[str, Any], radiation: Expression | None = None,

@@ -10,8 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.faults.interface import Interface
 
 Course = Callable[[float], np.ndarray]
 """Values at a time [s], shape (n, tangents)."""
@@ -72,6 +76,10 @@ class PrescribedSlip:
     def rate(self, time: float) -> np.ndarray:
         """Return the slip rate at a time [s] in m/s, shape (n, tangents)."""
         return np.asarray(sum(each.held[:, None] * each.rate(time) for each in self.histories))
+
+    def power(self, face: Interface, density: np.ndarray) -> float:
+        """Return the part of a power of slip [W/m2], shape (n,), at points of this rank with prescribed slip [W]."""
+        return float((face.owned * face.weight * self.held) @ density)
 
     def mean_rate(self, end: float, begun: np.ndarray, duration: float) -> np.ndarray:
         """Return the slip rate of a step, shape (n, tangents) [m/s]; zero where no slip is prescribed.

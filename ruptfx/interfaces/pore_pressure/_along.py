@@ -102,7 +102,7 @@ class Along:
             return ufl.grad(u) - normal * ufl.dot(normal, ufl.grad(u))
 
         measure = model.edge_measure(model.bodies.tags[f"{name}.plus"])
-        form = dolfinx.fem.form(factor * ufl.dot(along(trial), along(test)) * measure)
+        form = fem.form(factor * ufl.dot(along(trial), along(test)) * measure)
         local = fem.local_matrix(form).tocoo()
         number = np.full(model.nodes, -1)
         number[face.plus] = face.number

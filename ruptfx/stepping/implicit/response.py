@@ -164,7 +164,7 @@ class FaultResponse:
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
         area, power = face.owned * face.weight, frictional_power(fault, old, new, dt)
-        prescribed, fractured = fault.prescribed_power(power) * dt, 0.0
+        prescribed, fractured = 0.0 if fault.prescribed is None else fault.prescribed.power(face, power) * dt, 0.0
         dissipated = float(area @ power) * dt - prescribed
         # Mean pressure times growth of the gap.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
