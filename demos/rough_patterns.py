@@ -14,7 +14,10 @@
 # "Just less than the shear that slips", as the paper has it, depends on the pattern. Where surfaces touch everywhere it
 # is the shear stress with which the steepest flank carries 0.93 of its strength; contacts of crests are loaded
 # unevenly, and 0.8 of the normal stress is near enough. Loading excites the instability of unlike bodies with Coulomb
-# friction where they touch everywhere; viscosity beside the interface takes it while they are loaded.
+# friction where they touch everywhere; viscosity beside the interface takes it while they are loaded. So the four
+# patterns are not loaded alike, and part of their difference may be that: in a first version, all loaded to 0.8 without
+# viscosity, smooth surfaces slid at 50 m/s before the nucleation and had an asymmetry below 0.02, those in phase up
+# to 0.99.
 #
 # Run with `python demos/rough_patterns.py`: 30 runs, some minutes; runs that exist are not run again. The map is
 # `runs/rough_patterns/asymmetry.png`.

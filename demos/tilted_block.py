@@ -3,7 +3,9 @@
 #
 # A soft block is pressed by 10 N under a rigid plate that is inclined by 0 to 1.17 degrees, as in the experiments of
 # Yamaguchi, Sawae and Rubinstein (2016), and then sheared. The inclination decides where it touches; force, contact and
-# slip follow. Size, rubber and friction are of our own choice: the lecture prints angles and normal force only.
+# slip follow. Size, rubber and friction are of our own choice: the lecture prints angles and normal force only. With a
+# tenth of V_w and V_star the block slid nearly steadily; these values were chosen so that it sticks and slips. Drops
+# below a tenth of the normal force do not count.
 #
 # Run with `python demos/tilted_block.py`: a minute. The picture is `runs/tilted_block/maps.png`.
 
