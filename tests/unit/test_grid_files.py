@@ -53,6 +53,12 @@ def test_other_units_are_refused_when_the_case_is_read(unit: str, axis: str, wor
         density(tmp_path)
 
 
+def test_a_file_that_changed_is_read_again(tmp_path: Path) -> None:
+    for unit, scale in (("g/cm3", 1e3), ("kg/m3", 1.0)):
+        written(tmp_path / "m.nc", unit)
+        np.testing.assert_allclose(density(tmp_path), scale * (2.67 + 1e2 * POINTS[:, 0]), rtol=1e-12)
+
+
 def empty(path: Path, shape: tuple[int, int], **sizes: int) -> None:
     """A small file with a compressed variable of which no value was written."""
     with h5py.File(path, "w") as file:

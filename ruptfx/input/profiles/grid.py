@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -14,6 +13,7 @@ from ruptfx.input import netcdf_units
 from ruptfx.input.profiles import Profile
 from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, CasePath
+from ruptfx.platform.files import read_once
 
 AXES = ("x", "y", "z")
 SLACK = 1e-6  # of the length of an axis: rounding of coordinates, which files often have in single precision
@@ -66,7 +66,7 @@ class Grid(Profile):
         return np.asarray(RegularGridInterpolator(axes, values, method=self.interpolation)(np.stack(columns, axis=1)))
 
 
-@lru_cache(maxsize=16)
+@read_once
 def _read(file: str, variable: str) -> netcdf_units.Grid:
     try:
         return netcdf_units.read_grid(Path(file), variable, AXES, None)
