@@ -97,6 +97,9 @@ def test_a_new_case_runs(demo: str, tmp_path: Path) -> None:
     short += [f"stages.{number}.duration={part * stage.duration!r}" for number, stage in enumerate(case.stages)]
     if hasattr(case.mesh, "element_size"):
         short.append(f"mesh.element_size={2 * case.mesh.element_size!r}")
+        short += [
+            f"instruments.{number}.interval={2 * each.interval!r}" for number, each in enumerate(case.instruments)
+        ]
     options = [item for value in short for item in ("--set", value)]
     result = ruptfx("run", path, "--out", tmp_path / "run", "--quiet", *options)
     assert result.exit_code == 0, said(result)
