@@ -94,9 +94,9 @@ def differences(expected: Run, actual: Run, tolerance: float, ignored: Callable[
             continue
         one, other = expected[name].values, actual[name].values
         if not isinstance(one, np.ndarray | int | float) or not isinstance(other, np.ndarray | int | float):
-            texts = isinstance(one, str) and isinstance(other, str)
-            if texts and NUMBER.sub("", str(one)) == NUMBER.sub("", str(other)):
-                continue  # sentences: their numbers have units and change with them
+            is_reason = name.endswith("_missing") and isinstance(one, str) and isinstance(other, str)
+            if is_reason and NUMBER.sub("", str(one)) == NUMBER.sub("", str(other)):
+                continue  # numbers in it have units and change with them
             if np.any(np.asarray(one) != np.asarray(other)):
                 yield f"{name}: {str(one)[:60]} {str(other)[:60]}"
             continue

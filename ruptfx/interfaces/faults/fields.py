@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class WithFields(Protocol):
-    """What the fields use of a fault."""
+    """The fields of a fault use these parts of it."""
 
     @property
     def name(self) -> str: ...

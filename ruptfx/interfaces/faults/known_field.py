@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -13,6 +13,28 @@ from ruptfx.input.number_files import read_table
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.fields import Contribution, Heating
 from ruptfx.interfaces.faults.interface import Interface
+
+
+class KnownTable(Protocol):
+    """A table of a known field has these keys, and one for its profile."""
+
+    @property
+    def history(self) -> History | None: ...
+    @property
+    def file(self) -> str | None: ...
+
+
+def require_one_source(name: str, profile: object, table: KnownTable) -> None:
+    """Refuse a table with a profile and a file, with none of them, or with a file and a history.
+
+    Raises
+    ------
+    ValueError
+    """
+    if (profile is None) == (table.file is None):
+        raise ValueError(f"{name}, file: give one of them")
+    if table.file is not None and table.history is not None:
+        raise ValueError(f"history: the file has values over time; remove it, or give {name} instead of file")
 
 
 class KnownField(Contribution):
@@ -27,6 +49,22 @@ class KnownField(Contribution):
     def __init__(self, name: str, at: Callable[[float], np.ndarray]) -> None:
         self.adds = (name,)
         self._at = at
+
+    @classmethod
+    def of(
+        cls, name: str, unit: str, profile: np.ndarray | float | None, table: KnownTable, face: Interface, key: str
+    ) -> Self:  # fmt: skip
+        """Return the field of a table, from its file or from a profile that is evaluated at the points.
+
+        Raises
+        ------
+        CaseError
+            As `of_file`.
+        """
+        if table.file is not None:
+            return cls.of_file(name, table.file, unit, face, key)
+        assert profile is not None  # `require_one_source`
+        return cls.of_profile(name, profile, table.history, len(face.plus))
 
     @classmethod
     def of_profile(cls, name: str, profile: np.ndarray | float, history: History | None, points: int) -> Self:

@@ -9,7 +9,7 @@ from pydantic import model_validator
 from ruptfx.bodies.boundaries.histories import History
 from ruptfx.input.schema import CasePath
 from ruptfx.input.units import VaryingPressure
-from ruptfx.interfaces.faults.known_field import KnownField
+from ruptfx.interfaces.faults.known_field import KnownField, require_one_source
 from ruptfx.interfaces.pore_pressure import PorePressure
 
 if TYPE_CHECKING:
@@ -32,14 +32,8 @@ class Given(PorePressure):
 
     @model_validator(mode="after")
     def _one_source(self) -> Given:
-        if (self.pressure is None) == (self.file is None):
-            raise ValueError("pressure, file: give one of them")
-        if self.file is not None and self.history is not None:
-            raise ValueError("history: the file has values over time; remove it, or give pressure instead of file")
+        require_one_source("pressure", self.pressure, self)
         return self
 
     def bind(self, model: System, face: Interface, key: str) -> KnownField:
-        if self.file is not None:
-            return KnownField.of_file("pore_pressure", self.file, "Pa", face, key)
-        assert self.pressure is not None  # `_one_source`
-        return KnownField.of_profile("pore_pressure", self.pressure, self.history, len(face.plus))
+        return KnownField.of("pore_pressure", "Pa", self.pressure, self, face, key)

@@ -17,6 +17,10 @@ from ruptfx.platform.files import read_once
 
 UNKNOWN = 999.0
 """What the database writes for numbers that it does not have."""
+HEADERS = frozenset(
+    ["STRK", "DIP", "RAKE", "Htop", "HypX", "HypZ", "Nx", "Nz", "Dx", "Dz", "Nsg", "Ntw", "inDx", "inDz"]
+)
+"""Names of the numbers of a header that are read."""
 
 
 class Fsp(FiniteFault):
@@ -51,22 +55,7 @@ def _headers(path: Path, lines: list[str]) -> dict[str, float]:
     for line, content in enumerate(lines, 1):
         if content.startswith("%"):
             for name, word in re.findall(r"([A-Za-z]+)\s*=\s*([-+0-9.eEdD]+)", content):
-                if name in (
-                    "STRK",
-                    "DIP",
-                    "RAKE",
-                    "Htop",
-                    "HypX",
-                    "HypZ",
-                    "Nx",
-                    "Nz",
-                    "Dx",
-                    "Dz",
-                    "Nsg",
-                    "Ntw",
-                    "inDx",
-                    "inDz",
-                ):
+                if name in HEADERS:
                     entries.setdefault(name.removeprefix("in"), number(word, path, line))
     return entries
 

@@ -9,7 +9,7 @@ from pydantic import model_validator
 from ruptfx.bodies.boundaries.histories import History
 from ruptfx.input.schema import CasePath
 from ruptfx.input.units import VaryingTemperature
-from ruptfx.interfaces.faults.known_field import KnownField
+from ruptfx.interfaces.faults.known_field import KnownField, require_one_source
 from ruptfx.interfaces.temperature import Temperature
 
 if TYPE_CHECKING:
@@ -32,14 +32,8 @@ class Given(Temperature):
 
     @model_validator(mode="after")
     def _one_source(self) -> Given:
-        if (self.temperature is None) == (self.file is None):
-            raise ValueError("temperature, file: give one of them")
-        if self.file is not None and self.history is not None:
-            raise ValueError("history: the file has values over time; remove it, or give temperature instead of file")
+        require_one_source("temperature", self.temperature, self)
         return self
 
     def bind(self, model: System, face: Interface, key: str) -> KnownField:
-        if self.file is not None:
-            return KnownField.of_file("temperature", self.file, "K", face, key)
-        assert self.temperature is not None  # `_one_source`
-        return KnownField.of_profile("temperature", self.temperature, self.history, len(face.plus))
+        return KnownField.of("temperature", "K", self.temperature, self, face, key)

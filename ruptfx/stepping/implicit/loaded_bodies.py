@@ -7,6 +7,7 @@ g = g_F - S (t - k g) under tractions t; contact of compliance c has g = s + c t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,17 @@ if TYPE_CHECKING:
 IMMOBILE = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
 
 
+def time_of_loads(time: float, duration: float, act: Callable[[float], bool]) -> float:
+    """Return the first of a time, its double and so on at which loads act [s]; collective if `act` is.
+
+    It depends on the duration only where no load acts in it: products with the jump at this time must be bitwise the
+    same in a run that is made longer.
+    """
+    while time < duration and not act(time):
+        time *= 2
+    return time
+
+
 class LoadedBodies:
     """Linear bodies in equilibrium with their loads and with elastic contact of known slip.
 
@@ -34,7 +46,7 @@ class LoadedBodies:
     shear : slice
         Tangential components of a jump.
     time : float
-        First time at which loads are compared with others [s]; see `_time_of_loads`.
+        First time at which loads are compared with others [s]; see `time_of_loads`.
 
     Attributes
     ----------
@@ -62,20 +74,13 @@ class LoadedBodies:
         self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
         own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, shear]
         self.prescribed = np.any(own < IMMOBILE * own.max(), axis=1)
-        time = self._time_of_loads(time)
+        model = self._model
+        time = time_of_loads(
+            time,
+            model.case.duration,
+            lambda t: parallel.anywhere(model.comm, any(bool(f.any()) for f in self._loads(t))),
+        )
         self._reference = self._loads(time), self._jump_under(self._loads(time), time)
-
-    def _time_of_loads(self, time: float) -> float:
-        """Return the first of a time, its double and so on at which loads act [s]; collective.
-
-        It does not depend on the duration, because products with the jump at this time must be bitwise the same in a
-        run that is made longer.
-        """
-        while time < self._model.case.duration:
-            if parallel.anywhere(self._model.comm, any(bool(each.any()) for each in self._loads(time))):
-                break
-            time *= 2
-        return time
 
     def traction(self, loaded: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return T - T_0 [Pa], shape (points, local).

@@ -9,7 +9,7 @@ import numpy as np
 
 from ruptfx.input.schema import CaseError
 from ruptfx.stepping.implicit.compliance import Jumps
-from ruptfx.stepping.implicit.loaded_bodies import IMMOBILE, compliance
+from ruptfx.stepping.implicit.loaded_bodies import IMMOBILE, compliance, time_of_loads
 from ruptfx.stepping.implicit.response import FaultResponse
 from ruptfx.stepping.implicit.strike_series import Loaded, StrikeSeries
 
@@ -89,9 +89,8 @@ class SeriesBodies:
         self._area = self.series.weight[::3] * along.spacing
         self._immobile, self._free = immobile[:, None], self._area[:, None] * ~immobile[:, None]
         self._length = along.period
-        while time < model.case.duration and not self._moved(time).any():
-            time *= 2
-        self._reference = self._moved(time), self.series.loaded(self._moved(time))
+        moved = self._moved(time_of_loads(time, model.case.duration, lambda t: bool(self._moved(t).any())))
+        self._reference = moved, self.series.loaded(moved)
 
     def _on_grid(self, values: np.ndarray) -> np.ndarray:
         """Return values of all points by place along strike and point of the section."""
