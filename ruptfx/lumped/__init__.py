@@ -216,6 +216,7 @@ def rehearse(model: LumpedModel, limit: float = TRIAL) -> bool:
             with _solvable(model):
                 dataset = _finite(model, progress)
                 for figure in type(model).figures(dataset).values():
+                    progress(1.0, "drawing")  # matplotlib's caches are no place for two threads
                     figure.savefig(io.BytesIO(), dpi=50)
                 model.summarise(dataset)
         except BaseException as error:
