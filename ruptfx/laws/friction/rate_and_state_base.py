@@ -46,12 +46,16 @@ class Creeping(FrictionLaw):
     """Slip rate [m/s] at which the initial shear stress is carried, if the interface has no initial velocity. With an
     initial state and a stress the law gives it; it begins at the larger of this and V_0 at most."""
 
+    def direct(self) -> Array:
+        """Return the instantaneous change of the coefficient with the logarithm of the slip rate."""
+        return self.a
+
     def psi(self, state: LawState) -> Array:
         """Return the friction coefficient at the slip rate V_0, without the regularisation."""
         raise NotImplementedError
 
-    def state_of(self, psi: np.ndarray) -> LawState:
-        """Return the state of a `psi`, its inverse."""
+    def state_of(self, psi: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        """Return the state of a `psi` and a slip rate [m/s], the inverse of `psi`."""
         raise NotImplementedError
 
     def given_state(self, normal_stress: np.ndarray) -> LawState | None:
@@ -66,17 +70,18 @@ class Creeping(FrictionLaw):
         # An unloaded or open point has no consistent state: use a stress of 1e-6 of the normal stress.
         pressure = np.where(normal_stress > 0, normal_stress, np.inf)
         ratio = np.maximum(np.abs(shear_stress) / pressure, LOWEST)
-        return self.state_of(self.a * (log_sinh(ratio / self.a) - np.log(speed / self.V_0)))
+        direct = self.direct()
+        return self.state_of(direct * (log_sinh(ratio / direct) - np.log(speed / self.V_0)), speed)
 
     def _exponent(self, state: LawState) -> Array:
-        return np.minimum(self.psi(state) / self.a, _LARGEST_EXPONENT)
+        return np.minimum(self.psi(state) / self.direct(), _LARGEST_EXPONENT)
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        return self.a * normal_stress * np.arcsinh(slip_rate / (2 * self.V_0) * np.exp(self._exponent(state)))
+        return self.direct() * normal_stress * np.arcsinh(slip_rate / (2 * self.V_0) * np.exp(self._exponent(state)))
 
     def slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         """Return the slip rate [m/s] at a given stress: V = 2 V_0 sinh(tau / (a sigma)) exp(-psi / a)."""
-        exponent, drive = self._exponent(state), shear_stress / (self.a * normal_stress)
+        exponent, drive = self._exponent(state), shear_stress / (self.direct() * normal_stress)
         return self.V_0 * (np.exp(drive - exponent) - np.exp(-drive - exponent))
 
     def given_slip_rate(self) -> Array | None:
@@ -97,7 +102,7 @@ class RateAndState(Creeping):
     """Rate and state with psi = f_0 + contact(theta).
 
     Laws differ in `contact`, the strengthening of the contacts with their age theta, and in how the age
-    evolves; all have theta = D_c / V in steady sliding.
+    evolves; theta is D_c / V in steady sliding where a law has no other `steady_age`.
     """
 
     state_fields = {"theta": "s"}
@@ -122,10 +127,14 @@ class RateAndState(Creeping):
         """Return dtheta/dt."""
         raise NotImplementedError
 
+    def steady_age(self, slip_rate: Array) -> Array:
+        """Return the age [s] in steady sliding at a slip rate [m/s]."""
+        return self.D_c / slip_rate
+
     def psi(self, state: LawState) -> Array:
         return self.f_0 + self.contact(state["theta"])
 
-    def state_of(self, psi: np.ndarray) -> LawState:
+    def state_of(self, psi: np.ndarray, slip_rate: np.ndarray) -> LawState:
         return {"theta": self.age(psi - self.f_0)}
 
     def given_state(self, normal_stress: np.ndarray) -> LawState | None:
@@ -133,7 +142,7 @@ class RateAndState(Creeping):
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         speed = np.maximum(slip_rate, AT_REST)
-        return self.strength(speed, normal_stress, {"theta": self.D_c / speed})
+        return self.strength(speed, normal_stress, {"theta": self.steady_age(speed)})
 
     def isothermal(self) -> RateAndState:
         """Return the law of the same strength at a constant temperature, whose age is the contact time."""

@@ -49,7 +49,7 @@ class RateAndStateFlashHeating(Creeping):
     def psi(self, state: LawState) -> Array:
         return state["psi"]
 
-    def state_of(self, psi: np.ndarray) -> LawState:
+    def state_of(self, psi: np.ndarray, slip_rate: np.ndarray) -> LawState:
         return {"psi": psi}
 
     def given_state(self, normal_stress: np.ndarray) -> LawState | None:

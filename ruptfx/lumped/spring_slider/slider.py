@@ -84,7 +84,7 @@ class Slider:
         """Variables in steady sliding at a speed [m/s], shape (size,) or (size, sliders)."""
         force = self.law.steady_strength(speed, self.normal_force)
         stretch = self.interface_length * force / self.normal_force
-        age = np.log(self.law.D_c / np.asarray(speed, float))
+        age = np.log(self.law.steady_age(np.asarray(speed, float)))
         # Without mass e counts from the irreversible slip, with mass from the position of the slider.
         if self.size == 2:
             return np.array(np.broadcast_arrays(force / self.stiffness + stretch, age))
