@@ -332,7 +332,7 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
         elif attachment.inertia and "inertia" not in stepper.offers:
             reason = "has no effect without inertia, as in {}"
         elif attachment.inertia and "newmark" not in stepper.offers:
-            reason = "has masses, which the schemes of {} do not advance"
+            reason = "acts by inertia and so by Newmark's rules, which the schemes of {} do not follow"
         if reason:
             yield Refusal((key,), reason.format(f"stepper.kind = '{stepper.kind()}'"), (("stepper",),), ((key,),))
     if keys and (sliding := keys_of(choices, "sliding")) and "implicit" in stepper.time_schemes:

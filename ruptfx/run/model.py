@@ -26,6 +26,7 @@ from ruptfx.bodies.state import State
 from ruptfx.case import Case, FaultCase
 from ruptfx.input.fields import ENERGIES, KEPT
 from ruptfx.input.schema import CaseError, nearest
+from ruptfx.interfaces.attachments import Attached
 from ruptfx.interfaces.collisions.step import CollisionStep
 from ruptfx.interfaces.cracks.rigid import RigidCracks
 from ruptfx.interfaces.cracks.step import CrackStep
@@ -57,6 +58,7 @@ class Model(System):
     """
 
     case: Case
+    attachments: list[Attached]
 
     def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
         self.case = case
@@ -115,6 +117,8 @@ class Model(System):
         self.oblique = self._oblique_nodes()
         self.loads = Loads(self, boundaries)
         self.attachments = [each.bind(self, f"attachments.{number}") for number, each in enumerate(case.attachments)]
+        for each in self.attachments:
+            self.loads.add_dashpot(each.dashpot())
         self.memory = self._memory()
         self.viscosity: Viscosity | None = None
         self.mechanisms = mechanisms_of(self)

@@ -119,6 +119,8 @@ def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> 
     boundaries = case.boundaries if stage.boundaries is None else stage.boundaries
     key = "boundaries" if stage.boundaries is None else f"stages.{number}.boundaries"
     view.loads = StageLoads(view, boundaries, key, start, before)
+    for each in view.attachments:
+        view.loads.add_dashpot(each.dashpot())
     view.viscosity = viscous_layer(view, view.case)
     view.mechanisms = mechanisms_of(view)
     return view

@@ -604,6 +604,59 @@ def test_hardening_springs() -> None:
 
 
 @pytest.mark.fem
+@pytest.mark.parametrize("stepper", [
+    {"kind": "leapfrog"}, {"kind": "generalized_alpha", "time_step": 1e-7},
+])  # fmt: skip
+@pytest.mark.parametrize("staged", [False, True])
+def test_dashpots(stepper: dict[str, Any], staged: bool) -> None:
+    """Across the plane with rho c_s they are the absorbing edge, in explicit and implicit steps and in stages."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.run.model import Model
+    from ruptfx.run.stages import bind
+
+    push = {"kind": "traction", "edge": "upper.top", "traction": [1e6], "ramp": 1e-6}
+    edge = {"edge": "lower.bottom"}
+    plain = plates({"plane": "antiplane", "stepper": stepper, "boundaries": [push]})
+    speeds = Model(parse_case(plain)).wave_speeds()
+    bed = {
+        "kind": "dashpots",
+        "name": "bed",
+        "viscosity": speeds.c_s * plain["materials"]["default"]["density"],
+        **edge,
+    }
+    results = []
+    for change in ({"boundaries": [push, {"kind": "absorbing", **edge}]}, {"attachments": [bed]}):
+        stages = {"stages": [{"duration": 6e-6}, {"duration": 6e-6, "damping": {"mass": 1e5}}]} if staged else {}
+        case = in_a_case("dashpots", {**plain, **change, "duration": 12e-6, **stages})
+        model = Model(case)
+        motion, state = bind(model), model.initial_state()
+        while state.time < case.duration:
+            motion.step(state)
+        results.append((state, motion.energies(state)))
+    (edge_state, by_edge), (state, by_bed) = results
+    assert by_bed["damping"] > 0.01 * by_bed["boundary_work"]
+    for name, value in by_edge.items():
+        assert by_bed[name] == pytest.approx(value, rel=1e-9, abs=1e-12 * by_edge["boundary_work"])
+    np.testing.assert_allclose(state.velocity, edge_state.velocity, rtol=0, atol=1e-10 * np.abs(state.velocity).max())
+
+
+@pytest.mark.fem
+def test_forces_of_dashpots() -> None:
+    """Bodies that move at 2 m/s in each direction: 3e6 Pa s/m resist over 12 mm by 72 kN/m, and take 288 kW/m."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.run.model import Model
+
+    bed = {"kind": "dashpots", "name": "bed", "edge": "lower.bottom", "viscosity": 3e6}
+    moving = {"initial_velocity": {"lower": [2.0, 2.0], "upper": [2.0, 2.0]}, "boundaries": []}
+    steps = {"stepper": {"kind": "leapfrog", "safety": 1e-4}}
+    model = Model(in_a_case("dashpots", plates({"attachments": [bed], **moving, **steps})))
+    motion, state = model.case.stepper.bind(model), model.initial_state()
+    motion.step(state)
+    assert state.attached["bed"]["force"].sum(axis=0) == pytest.approx([-72e3, -72e3], rel=1e-3)
+    assert motion.energies(state)["damping"] == pytest.approx(288e3 * 0.5 * motion.dt, rel=1e-3)
+
+
+@pytest.mark.fem
 def test_stop_rule(tmp_path: Path) -> None:
     """It stops at the first record with the slip, 3 nm, which a run to the end passes."""
     pytest.importorskip("dolfinx")

@@ -36,7 +36,7 @@ class Loads:
     ended : list of Force
         Forces of the previous stage, which still act in explicit steps around its end.
     dashpot : ndarray, shape (nodes * components,)
-        Damping force per velocity [N s/m].
+        Damping force per velocity of boundaries and attachments [N s/m].
     supports : list of Support
     start, end : float
         Times between which they act [s].
@@ -62,10 +62,7 @@ class Loads:
         self.dashpot = np.zeros(model.nodes * model.components)
         for action in actions:
             if action.dashpot is not None:
-                self.dashpot += action.dashpot
-        # Contact solves for normal and shear traction one after the other: its nodes need the same inertia along both.
-        of_nodes = self.dashpot.reshape(model.nodes, -1)
-        of_nodes[model.oblique] = of_nodes[model.oblique].mean(axis=1, keepdims=True)
+                self.add_dashpot(action.dashpot)
         layout, prescribed = model.layout, self.prescribed
         of_nodes = prescribed.reshape(model.nodes, -1)
         one_only = (of_nodes[layout.kept] != of_nodes[layout.copies]).any(axis=1)
@@ -76,6 +73,13 @@ class Loads:
         parallel.raise_on_all(model.comm, error)
         for number in range(len(self._acts)):
             self._refuse_without_effect(key, number, prescribed)
+
+    def add_dashpot(self, dashpot: np.ndarray) -> None:
+        """Add a damping force per velocity, complete at every local node [N s/m], shape (nodes * components,)."""
+        self.dashpot += dashpot
+        # Contact solves for normal and shear traction one after the other: its nodes need the same inertia along both.
+        of_nodes, oblique = self.dashpot.reshape(self.model.nodes, -1), self.model.oblique
+        of_nodes[oblique] = of_nodes[oblique].mean(axis=1, keepdims=True)
 
     def _refuse_without_effect(self, key: str, number: int, prescribed: np.ndarray) -> None:
         """Refuse a boundary that drives degrees of freedom twice, or acts only on driven ones; collective.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ruptfx.input.fields import PointField
 from ruptfx.input.schema import Alternative, Name, alternative
-from ruptfx.interfaces.mechanisms import Floats, ImplicitForce, Mechanism, Rows
+from ruptfx.interfaces.mechanisms import Floats, ImplicitForce, Mechanism, Reaction, Rows
 from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.laws.materials import Plane
 from ruptfx.platform import parallel
@@ -24,6 +24,7 @@ from ruptfx.platform import parallel
 if TYPE_CHECKING:
     from ruptfx.bodies.state import FaultState, State
     from ruptfx.interfaces.mechanisms.checks.table import Plan
+    from ruptfx.interfaces.mechanisms.stepped_nodes import SteppedNodes
     from ruptfx.interfaces.mechanisms.system import System
 
 
@@ -169,6 +170,31 @@ class Attached(Mechanism, ImplicitForce):
         result = super().nodes()
         result[self.at] = True
         return result
+
+    def dashpot(self) -> Floats:
+        """Return its damping force per velocity [N s/m], shape (nodes * components,); zero without dashpots.
+
+        Steppers with inertia treat it as that of boundaries, by the velocity at the time of the force: the stable step
+        stays as it is, and the energy budget closes. The loss is in the column `damping`.
+        """
+        return np.zeros(self.model.nodes * self.model.components)
+
+    def bind(self, stepped: SteppedNodes) -> None:
+        self._stepped, c = stepped, self.model.components
+        self._among = stepped.among((self.at[:, None] * c + np.arange(c)).ravel())
+
+    def mean_velocity(self, state: State) -> Floats:
+        """Return the mean of the velocities before and after a kick at its nodes [m/s], shape (n, components).
+
+        In the phase `account` of explicit steps it is the velocity at the time of the forces.
+        """
+        after = self.at_nodes(state.velocity)
+        return 0.5 * (self._stepped.velocity_before[self._among].reshape(after.shape) + after)
+
+    def no_reaction(self) -> Reaction:
+        """Return the forces beside its dashpots of an attachment that has none."""
+        c = self.model.components
+        return Reaction(self.at[:0], np.zeros((0, c)), np.zeros((0, c, c)), {})
 
     def begin(self, state: State) -> None:
         n, c = len(self.at), self.model.components
