@@ -7,7 +7,7 @@
 # Then three specimens of the same size: one block without an interface, two with a rough one, two with a smooth one, at
 # 30 % of each load and at all of it.
 #
-# Run this file with `python demos/pressed_block.py`, on one rank: on two, the rough specimen takes many minutes.
+# Run this file with `python demos/pressed_block.py`, also under `mpirun -n 2`.
 # Pictures are `strains.png` and `specimens.png` in `runs/pressed_block/figures`.
 
 # %%

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ruptfx.bodies.operators import Bulk, Operator, ufl_form
 from ruptfx.bodies.operators.matrix_free import MatrixFree
-from ruptfx.platform import fem
+from ruptfx.platform import fem, parallel
 
 if TYPE_CHECKING:
     from ruptfx.bodies.operators.memory_sweep import MemorySweep
@@ -48,12 +49,20 @@ class NodalFields:
                 model.space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
             )[::c, None]
         vector, sums = self._vector(len(self._entries))  # one exchange of all entries
-        if not (isinstance(self._operator, MatrixFree) and self._operator.add_stress(displacement, sums)):
+        if isinstance(self._operator, MatrixFree) and self._by_kernel:
+            self._operator.add_stress(displacement, sums)
+        else:
             self._add_stress(displacement, sums)
         for name, sweep in self._memory.items():
             sweep.add_inelastic_stress(displacement, state.memory[name], sums)
         self._sum_over_ranks(vector)
         return np.asarray(sums / self._volume)
+
+    @cached_property
+    def _by_kernel(self) -> bool:
+        """True if the kernel supports the cells of every rank; forms, which do without it, are collective."""
+        supports = isinstance(self._operator, MatrixFree) and self._operator.adds_stress
+        return not parallel.anywhere(self._model.comm, not supports)
 
     def states(self, names: Sequence[str], displacement: np.ndarray, state: State) -> dict[str, np.ndarray]:
         """Return recorded states by name, shape (nodes,), averaged over the elements that have them; collective.

@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
+from helpers.sliding_cases import rough
 from helpers.small_cases import impact, slip_weakening
 
 from ruptfx.case import parse_case
@@ -97,6 +98,24 @@ def test_only_what_is_along_interfaces_is_gathered(shared_tmp_path: Path, monkey
     with simulate(given, shared_tmp_path / "gathered", COMM, progress=False) as record:
         assert record.bulk.sizes["time"] == 2
         assert 0 < largest[0] <= 2 * record.interface.sizes["position"] < 0.1 * record.bulk.sizes["point"]
+
+
+def test_stresses_of_a_rough_and_a_flat_body_come_from_one_method_on_all_ranks(monkeypatch: Any) -> None:
+    """Stretched by 1e-5 along x in plane strain; a rank with elements of the flat body only has straight ones."""
+    moduli = {"kind": "isotropic_elastic", "young_modulus": 2.5e9, "poisson_ratio": 0.25, "density": 1000.0}
+    flat = {"left": -0.3e-3, "length": 2.4e-3, "height": 0.5e-3, "element_size": 0.137e-3}
+    model = Model(parse_case(rough({
+        "mesh.lower": flat, "mesh.curve_order": 1, "materials": {"default": moduli},
+    })))  # fmt: skip
+    stretched = np.column_stack([1e-5 * model.coordinates[:, 0], np.zeros(model.nodes)]).ravel()
+    nodal, forms = BulkFields(model).nodal, []
+    with monkeypatch.context() as without:  # forms are collective: ranks would wait for each other
+        without.setattr(type(nodal), "_add_stress", lambda self, *_: forms.append(self))
+        nodal.stress(stretched, model.initial_state())
+    assert model.comm.allgather(len(forms)) == [1] * COMM.size
+    stress = nodal.stress(stretched, model.initial_state())
+    # lambda = mu = 1 GPa: (lambda + 2 mu) 1e-5, lambda 1e-5, no shear.
+    np.testing.assert_allclose(stress, np.tile([30e3, 10e3, 0.0], (model.nodes, 1)), rtol=1e-9, atol=1e-6)
 
 
 def test_a_disk_that_is_full_on_one_rank_stops_all(shared_tmp_path: Path, monkeypatch: Any) -> None:

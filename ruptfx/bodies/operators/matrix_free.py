@@ -122,7 +122,12 @@ class MatrixFree:
             ctypes.byref(self._plan), ctypes.c_long(self._batches), *self._pointers(displacement, velocity, force)
         )
 
-    def add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> bool:
+    @property
+    def adds_stress(self) -> bool:
+        """True if `add_stress` supports the cells of this rank: quadrilaterals and hexahedra with parallel edges."""
+        return self._root is not None
+
+    def add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> None:
         """Add stress times weight and size of elements at their nodes, for the cells owned by this rank.
 
         Parameters
@@ -130,20 +135,13 @@ class MatrixFree:
         displacement : ndarray, shape (nodes * components,)
         sums : ndarray, shape (nodes, stress components)
             xx, yy, xy; in 3D xx, yy, zz, xy, yz, xz; in antiplane xz, yz [Pa times volume].
-
-        Returns
-        -------
-        bool
-            True if this was done: the kernel supports quadrilaterals and hexahedra with parallel edges.
         """
-        if self._root is None:
-            return False
+        assert self._root is not None
         assert sums.flags.c_contiguous and sums.dtype == np.float64 and len(sums) == self._nodes
         self._library.add_stress(
             ctypes.byref(self._plan), ctypes.c_long(self._batches), address(self._root),
             *self._pointers(displacement), address(sums),
         )  # fmt: skip
-        return True
 
     @property
     def damps(self) -> bool:
