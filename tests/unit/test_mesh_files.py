@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.messages import facts
+from helpers.small_cases import slip_weakening
 
 pytest.importorskip("gmsh")
 pytest.importorskip("meshio")
@@ -19,6 +20,7 @@ from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import RawMesh
 from ruptfx.bodies.meshes._gmsh import session
 from ruptfx.bodies.meshes.gmsh_file import GmshFile
+from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 
 PLATES = (Path(__file__).parents[1] / "data" / "two_bodies.geo").read_text()
@@ -555,3 +557,37 @@ def test_a_rim_inside_the_body_is_welded(dim: int, tmp_path: Path) -> None:
                  for each, facet in zip(cells, side, strict=True) if len(each) == 1]  # fmt: skip
         slope = np.array([-0.5, 1.0]) if dim == 2 else np.array([0.0, -np.sqrt(3), 1.0])
         assert np.all(sign * (np.array(apart) @ slope) > 0)
+
+
+def without_a_facet(path: Path) -> Path:
+    """Leave out the line of a mesh in MSH 2.2 that lies between x = 10 and 12 mm of the interface."""
+    lines = path.read_text().split("\n")
+    names = {line.split()[2].strip('"'): line.split()[1] for line in lines if line.count('"') == 2}
+    at = lines.index("$Nodes") + 2
+    node = {p[0]: (float(p[1]), float(p[2])) for p in (line.split() for line in lines[at : at + int(lines[at - 1])])}
+    at = lines.index("$Elements") + 2
+    elements = range(at, at + int(lines[at - 1]))
+    of = {at: lines[at].split() for at in elements if lines[at].split()[3] == names["main"]}
+    middle = {at: sum(node[word][0] for word in words[-2:]) / 2 for at, words in of.items()}
+    first = min(node[word][0] for words in of.values() for word in words[-2:])
+    del lines[min(middle, key=lambda at: abs(middle[at] - first - 11e-3))]
+    lines[at - 1] = str(len(elements) - 1)
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_check_names_a_facet_that_is_missing(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from ruptfx.app.checks.preflight import preflight
+
+    def missing(path: Path) -> list[Any]:
+        table = slip_weakening({"mesh": {"kind": "gmsh_file", "file": str(path), "interfaces": SIDES}, "order": 1})
+        return [row for row in preflight(parse_case(table)) if row.quantity == "faults.main: missing facets"]
+
+    path = write(tmp_path / "a.msh", MshFileVersion=2.2)
+    assert missing(path) == []
+    (row,) = missing(without_a_facet(path))
+    assert row.verdict == "warning" and row.value == 1
+    x, y = (float(number) for number in row.note[row.note.index("(") + 1 : row.note.index(")")].split(","))
+    left = min(build(path).points[:, 0])
+    assert (x - left, y) == pytest.approx((11e-3, 0.0), abs=1e-9)

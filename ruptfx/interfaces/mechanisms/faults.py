@@ -77,8 +77,10 @@ class Faults(Mechanism):
 
     def check(self, plan: Plan) -> Iterator[Row]:
         from ruptfx.interfaces.mechanisms.checks import fault as rows  # runs need none of it
+        from ruptfx.interfaces.mechanisms.checks.holes import hole_rows
 
         for fault in self.faults:
+            yield from hole_rows(self.model, fault)
             if len(fault.interface.plus):
                 yield from rows.place_rows(self.model, fault)
                 if fault.is_held.all():
