@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tomllib
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from helpers.units import check_units
 from ruptfx import simulate
 from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import CaseError, alternatives
-from ruptfx.platform import fem
+from ruptfx.platform import fem, parallel
+from ruptfx.readings.instruments.model_readings import ModelReadings
 from ruptfx.results.record import Record
 from ruptfx.run.model import Model
 from ruptfx.run.recording.checkpoint import Checkpoint
@@ -208,9 +210,34 @@ def test_a_fault_receiver_at_a_point_of_a_plane(shared_tmp_path: Path) -> None:
         assert min(slips) > 1e-6 and slips[0] != pytest.approx(slips[1], rel=0.1)
 
 
+def test_a_point_beside_the_plane_is_moved_to_its_nearest_node(caplog: pytest.LogCaptureFixture) -> None:
+    """As stations on the mean plane of a rough fault are; every channel says so."""
+    model = Model(boxes([]))
+    face, readings = model.faults[0].interface, ModelReadings(model, unstressed)
+    rows = parallel.share_rows(COMM, np.column_stack([face.number, face.points])[face.owned])
+    node = rows[rows[:, 0] == 7, 1:][0]
+
+    def channels(point: np.ndarray) -> list[tuple[str, dict[int, float]]]:
+        """Return the text of every channel and its weights by the number of the point."""
+        listed = []
+        for channel in readings.at_fault("main", point.tolist(), "here", "point"):
+            (share,) = channel.shares
+            weights = zip(face.number[share.places].tolist(), share.weights.tolist(), strict=True)
+            listed.append((channel.long_name, dict(chain.from_iterable(COMM.allgather(list(weights))))))
+        return listed
+
+    at, beside = channels(node), channels(node + np.array([0.0, 0.0, 1e-4]))
+    assert at and len(at) == len(beside)
+    for (exact, one), (moved, other) in zip(at, beside, strict=True):
+        assert {key: weight for key, weight in one.items() if abs(weight) > 1e-9} == {7: pytest.approx(1)}
+        assert other == {7: 1.0}
+        assert moved.startswith(exact) and moved.endswith(" 0.0001 m away")
+    assert caplog.text.count(" 0.0001 m away") == 1
+
+
 @pytest.mark.parametrize("table,message", [
-    ({"point": [1e-3, 1e-3, 1e-4]},
-     r"point = \(0\.001, 0\.001, 0\.0001\) m: is not on interface 'main', whose nearest node is \(0\.001, 0\.0"),
+    ({"point": [1e-3, 1e-3, 2e-3]},
+     r"point = \(0\.001, 0\.001, 0\.002\) m: is not on interface 'main', whose nearest node is \(0\.001, 0\.0"),
     ({"point": [1e-3, 1.0, 0.0]}, r"is not on interface 'main', whose nearest node is \(0\.001, 0\.003, 0\) m"),
     ({"position": 1e-3}, r"instruments\.0\.point and position = 0\.001: in 3D give the point"),
     ({"point": [1e-3, 1e-3]}, r"point"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cached_property
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
     from ruptfx.platform.fem import Expr
 
+LOG = logging.getLogger("ruptfx.run")
 Stresses = Callable[[np.ndarray], np.ndarray]
 OFF = 1e-6  # of an element: largest distance of a point from its interface
 
@@ -102,24 +104,24 @@ class ModelReadings:
         name : str
         place : float or sequence of float
             In 2D the position [m], linear between its points; in 3D the coordinates [m] of a point of it, by the shape
-            functions of its elements.
+            functions of its elements, or of one beside it, whose nearest node is taken and named in each channel.
         key, field : str
             Of the case, for messages; `field` that of a position.
 
         Raises
         ------
         CaseError
-            On all ranks, if there is no such interface, or the position is not on it.
+            On all ranks, if there is no such interface, or the position is farther than half an element from it.
         """
         known = {fault.name: fault for fault in self.model.faults}
         if name not in known:
             raise CaseError(f"{key}.fault = '{name}': no such interface, {nearest(name, list(known))}")
         fault = known[name]
-        face = fault.interface
+        face, moved = fault.interface, ""
         if isinstance(place, float):
             weights = self._along(face, place, f"{key}.{field}")
         else:
-            weights = self._on(fault, place, key)
+            weights, moved = self._on(fault, place, key)
         own_points = np.flatnonzero(face.owned & np.isin(face.number, list(weights)))
         mine = np.array([weights[int(number)] for number in face.number[own_points]])
         items = []
@@ -131,9 +133,10 @@ class ModelReadings:
                     tangent = parallel.total(self.model.comm, mine @ face.frame[own_points, 1 + number])
                     along = ", ".join(f"{value:.3g}" for value in tangent / np.linalg.norm(tangent) + 0.0)
                     text += f" along tangent {number + 1}, ({along})"
-                items.append(Channel(label, each.unit, text, [Share((name, label), own_points, mine)]))
+                items.append(Channel(label, each.unit, text + moved, [Share((name, label), own_points, mine)]))
         for label, unit in fault.state_fields().items():
-            items.append(Channel(label, unit, f"state variable {label}", [Share((name, label), own_points, mine)]))
+            text = f"state variable {label}{moved}"
+            items.append(Channel(label, unit, text, [Share((name, label), own_points, mine)]))
         return items
 
     def _along(self, face: Interface, position: float, key: str) -> dict[int, float]:
@@ -150,8 +153,12 @@ class ModelReadings:
         part = (position - positions[after - 1]) / (positions[after] - positions[after - 1])
         return {int(numbers[after - 1]): 1 - part, int(numbers[after]): part}
 
-    def _on(self, fault: Fault, point: Sequence[float], key: str) -> dict[int, float]:
-        """Return weights of points of an interface in 3D, by number: shape functions of its plus side; collective."""
+    def _on(self, fault: Fault, point: Sequence[float], key: str) -> tuple[dict[int, float], str]:
+        """Return weights of points of an interface in 3D, by number, and a note if it is another point; collective.
+
+        They are the shape functions of the plus side. A point within half an element of the interface, as those of a
+        list of stations beside a rough surface are, is moved to the nearest node.
+        """
         model, face, comm = self.model, fault.interface, self.model.comm
         numbers = dict(zip(face.plus.tolist(), face.number.tolist(), strict=True))
         value = np.zeros((1 + len(point), model.components))
@@ -166,17 +173,31 @@ class ModelReadings:
         shared = parallel.share_rows(comm, np.concatenate(rows))
         on = shared[:, 0] >= 0
         if not on.any() or np.abs(shared[~on, 1]).sum() > OFF:
-            points = parallel.share_rows(comm, face.points[face.owned])
-            near = points[np.argmin(np.linalg.norm(points - np.asarray(point), axis=1))]
+            rows_of_nodes = np.column_stack([face.number, face.points])[face.owned]
+            nodes = parallel.share_rows(comm, rows_of_nodes)
+            away = np.linalg.norm(nodes[:, 1:] - np.asarray(point), axis=1)
+            best = int(np.argmin(away))
             # Digits enough that the remedy is accepted.
-            here, there = ("(" + ", ".join(f"{value:.12g}" for value in each) + ") m" for each in (point, near))
+            here, there = ("(" + ", ".join(f"{v:.12g}" for v in each) + ") m" for each in (point, nodes[best, 1:]))
+            if away[best] <= 0.5 * self._facet_edge(fault):
+                moved = f", at the nearest node, {there}, {away[best]:.4g} m away"
+                LOG.warning("%s.point = %s is beside the interface%s", key, here, moved)
+                return {int(nodes[best, 0]): 1.0}, moved
             raise CaseError(
                 f"{key}.point = {here}: is not on interface '{fault.name}', or in an element at its welded end; use "
                 f"its nearest node, {there}"
             )
         which, place = np.unique(shared[on, 0], return_inverse=True)
         sums = np.bincount(place, weights=shared[on, 1])
-        return dict(zip(which.astype(int).tolist(), (sums / sums.sum()).tolist(), strict=True))
+        return dict(zip(which.astype(int).tolist(), (sums / sums.sum()).tolist(), strict=True)), ""
+
+    def _facet_edge(self, fault: Fault) -> float:
+        """Return the root of the mean area of the facets of an interface [m]; collective."""
+        model, face = self.model, fault.interface
+        facets = model.bodies.facets.find(model.bodies.tags[f"{fault.name}.minus"])
+        owned = np.count_nonzero(facets < model.mesh.topology.index_map(model.mesh.topology.dim - 1).size_local)
+        area, count = parallel.total(model.comm, np.array([face.area[face.owned].sum(), owned]))
+        return float(np.sqrt(area / count))
 
     def forces(self, name: str, key: str) -> list[tuple[str, list[Share], float]]:
         """Return the external force on an edge, along every axis [N, in 2D N/m]; collective.
