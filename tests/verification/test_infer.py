@@ -774,6 +774,26 @@ def test_a_misfit_exceeds_noise_from_four_standard_deviations_on(misfit: float, 
     assert Result(None, [], [run], [0], 200, "", [], {}).exceeds_noise is beyond  # type: ignore[arg-type]
 
 
+def test_doubts_name_the_opposite_sign_and_the_time() -> None:
+    """Of five traces with noise of 1 %: as they are, turned, 4 us late, 4 us early, and another signal."""
+    times = np.linspace(0, 60e-6, 301)
+    noise = 0.01 * np.random.default_rng(3).normal(size=(5, len(times)))
+
+    def pulse(t: np.ndarray) -> np.ndarray:
+        return np.exp(-(((t - 25e-6) / 5e-6) ** 2)) - 0.6 * np.exp(-(((t - 38e-6) / 3e-6) ** 2))
+
+    best = pulse(times)
+    signals = [best, -best, pulse(times - 4e-6), pulse(times + 4e-6), np.cos(4e5 * times)]
+    fits = [
+        Fit(name, times, signal + each, best, best) for name, signal, each in zip("abcde", signals, noise, strict=True)
+    ]
+    doubts = list(Result(None, [], [], [], 0, "", fits, {}).doubts())  # type: ignore[arg-type]
+    assert [doubt.split()[0] for doubt in doubts] == ["b", "c", "d"]
+    assert "sign" in doubts[0] and "late" in doubts[1] and "early" in doubts[2]
+    shifts = [float(doubt.split("as if ")[1].split()[0]) for doubt in doubts[1:]]
+    np.testing.assert_allclose(shifts, 4e-6, rtol=0.03)
+
+
 @pytest.mark.parametrize("scale, ends", [("linear", [8.0, 12.0]), ("log", [10 * np.exp(-2), 10 * np.exp(2)])])
 def test_the_band_of_the_prior_is_a_standard_deviation_to_both_sides(scale: str, ends: list[float]) -> None:
     each = SimpleNamespace(

@@ -100,6 +100,8 @@ def infer(
                     "wrong.",
                     style="yellow", soft_wrap=True,
                 )  # fmt: skip
+                for doubt in made.doubts():
+                    errors.print(f"{doubt}.", style="yellow", soft_wrap=True)
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
             files += ", tradeoffs.png" * (len(made.samples) > 1)
             screen.print(f"Files: {out} ({files})", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import xarray
 
 Floats = NDArray[np.float64]
+PLAIN = 0.5  # of the misfit: what is left if the sign or the time of data is the cause
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,28 @@ class Result:
     def exceeds_noise(self) -> bool:
         """True if the misfit is more than four standard deviations above its mean for noise alone."""
         return self.data > 0 and 2 * self.best.misfit / self.data > 1 + 4 * (2 / self.data) ** 0.5
+
+    def doubts(self) -> Iterator[str]:
+        """Yield the traces that fit much better with the other sign, or at other times, than as they are."""
+        from ruptfx.results.analysis.measured import misfit
+
+        for fit in self.fits:
+            if not fit.data.any() or not fit.best.any() or fit.times[-1] <= fit.times[0]:
+                continue
+            turned, as_it_is = (
+                misfit(fit.times, sign * fit.best, fit.times, fit.data, what=fit.name) for sign in (-1.0, 1.0)
+            )
+            if turned.misfit < PLAIN * as_it_is.shifted:
+                yield (
+                    f"{fit.name} fits with the opposite sign, to {turned.misfit:.3g} of it instead of "
+                    f"{as_it_is.misfit:.3g}: change the sign in its file"
+                )
+            elif as_it_is.shifted < PLAIN * as_it_is.misfit:
+                late = "late" if as_it_is.shift > 0 else "early"
+                yield (
+                    f"{fit.name} fits as if {abs(as_it_is.shift):.3g} s too {late}, to {as_it_is.shifted:.3g} of it "
+                    f"instead of {as_it_is.misfit:.3g}: make time_shift of its objective an unknown"
+                )
 
     def dataset(self) -> xarray.Dataset:
         """Return unknowns, data, fit and misfits with positions and units."""
