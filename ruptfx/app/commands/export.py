@@ -28,35 +28,50 @@ class Format(StrEnum):  # older Typers know no Literal
     vtk = "vtk"
     vtkhdf = "vtkhdf"
     scec = "scec"
+    seas = "seas"
 
 
 def export(
     run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
-    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk, vtkhdf or scec.")] = Format.csv,
+    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk, vtkhdf, scec or seas.")] = Format.csv,
     out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
     overwrite: Overwrite = False,
+    station: Annotated[
+        list[str] | None,
+        typer.Option(help="Of seas: '7.5 km' down dip; on a surface '-24 km, 10 km'. Default those of the benchmarks."),
+    ] = None,
 ) -> None:
     """Write a run for other programs.
 
     csv: interfaces as tables. netcdf: interfaces and bodies. vtk: a VTU file for each snapshot of the bodies. vtkhdf:
     bodies and interfaces with all their times, for ParaView. scec: receivers and rupture times of faults in 3D,
-    as the SCEC/USGS code comparison reads them.
+    as the SCEC/USGS code comparison reads them. seas: time series of stations, profiles and global.dat of cycles
+    with rate and state friction, as the SEAS code comparison reads them; every file is read back and checked.
 
     Example: ruptfx export runs/impact --format vtkhdf
     """
     begin(f"reading {run}")
     with reported():
-        from ruptfx.app.convert import scec_files, vtk_files
+        from ruptfx import RuptfxError
+        from ruptfx.app.convert import scec_files, seas_files, vtk_files
         from ruptfx.results.record import Record
 
         def scec(record: Record, folder: Path) -> Iterator[Path]:
             return scec_files.files(record, folder, lambda line: screen.print(line, soft_wrap=True))
 
+        def seas(record: Record, folder: Path) -> Iterator[Path]:
+            return seas_files.files(record, folder, lambda line: screen.print(line, soft_wrap=True), stations)
+
+        stations = seas_files.parse_stations(station or ())
+        if stations and format_ is not Format.seas:
+            raise RuptfxError(
+                f"export --station is for --format seas, not {format_.value}; remove it or use this format"
+            )
         folder = out or run / "export"
         with Record(run) as record, writing(folder, overwrite=overwrite) as files:
             write = {
                 Format.csv: tables, Format.netcdf: datasets, Format.vtk: vtk_files.series,
-                Format.vtkhdf: vtk_files.whole, Format.scec: scec,
+                Format.vtkhdf: vtk_files.whole, Format.scec: scec, Format.seas: seas,
             }  # fmt: skip
             names = [files.claim(path.name).name for path in write[format_](record, files.place)]
         for name in names:

@@ -111,14 +111,14 @@ def wave_speeds(data: Data) -> dict[str, Any]:
     return entries if fastest is None else entries | {"fastest": float(np.max(fastest))}
 
 
-def _times_modulus(data: Data, name: str, row: int) -> float:
-    """Return the shear modulus in the direction of a tangential field times its length, integrated over a surface.
+def _times_modulus(data: Data, name: str, row: int, part: np.ndarray | float = 1.0) -> float:
+    """Return the shear modulus along a tangential field times its length, integrated over a part of a surface.
 
     Beside two bodies the modulus is the harmonic mean of both: slip then has the moment that it has in a uniform body
     in which the same stress drop causes it (Source: Wu and Chen 2003). Runs of earlier versions have the mean over all
     bodies.
     """
-    area, length = data["area"].values, magnitude_of(data, name, row)
+    area, length = part * data["area"].values, magnitude_of(data, name, row)
     if "shear_modulus_11" not in data:
         return float(np.mean(data.attrs["shear_modulus_of_bodies"])) * float(area @ length)
     along, across = (data[f"{name}_{tangent}"].isel(time=row).values for tangent in (1, 2))
@@ -127,9 +127,16 @@ def _times_modulus(data: Data, name: str, row: int) -> float:
     return float(area @ (energy / np.where(length > 0, length, 1.0)))
 
 
-def moment_rate(data: Data) -> np.ndarray:
-    """Return the moment rate at every record [N m/s]: shear modulus times slip rate, integrated over the surface."""
-    return np.array([_times_modulus(data, "slip_rate", row) for row in range(data.sizes["time"])])
+def moment_rate(data: Data, part: np.ndarray | float = 1.0) -> np.ndarray:
+    """Return the moment rate at every record [N m/s]: shear modulus times slip rate, integrated over the surface.
+
+    Parameters
+    ----------
+    data : Data
+    part : ndarray, shape (points,)
+        Share of the area of every point that counts.
+    """
+    return np.array([_times_modulus(data, "slip_rate", row, part) for row in range(data.sizes["time"])])
 
 
 def moment(data: Data, row: int = -1) -> float:
