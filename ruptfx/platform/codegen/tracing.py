@@ -440,6 +440,11 @@ def by_reciprocals(outputs: Mapping[str, Expression]) -> dict[str, Expression]:
     return {name: new[node] for name, node in outputs.items()}
 
 
+def symbols_of(expressions: Iterable[Expression]) -> list[str]:
+    """Return the names of the symbols that occur in traced expressions, in the order of their first use."""
+    return [node.args[0] for node in _ordered(expressions) if node.op == "symbol"]
+
+
 def depends(expression: Any, variables: Iterable[Expression]) -> bool:
     """Return whether any of the symbols occurs in a traced expression (or number)."""
     return isinstance(expression, Expression) and not set(_ordered([expression])).isdisjoint(variables)
@@ -459,23 +464,69 @@ def _ordered(roots: Iterable[Expression]) -> list[Expression]:
     return list(order)
 
 
-def to_c(outputs: Mapping[str, Expression | float], end: str = "\n") -> str:
-    """Return C statements that assign every output from variables with the names of the symbols."""
+def statements(
+    outputs: Mapping[str, Expression | float], spell: Callable[[Expression, list[str]], str],
+    literal: Callable[[float], str], names: Mapping[str, str] | None = None,
+) -> tuple[list[tuple[str, str]], dict[str, str]]:  # fmt: skip
+    """Return the formulas of outputs as assignments, each operation once.
+
+    Parameters
+    ----------
+    outputs : mapping of str to Expression or float
+    spell : callable
+        Returns the text of a node from the texts of its arguments.
+    literal : callable
+        Returns the text of a number.
+    names : mapping of str to str, optional
+        Text of symbols that are not written by their name.
+
+    Returns
+    -------
+    list of (str, str)
+        Variable and text of every operation, in order.
+    dict of str to str
+        Text of every output.
+    """
     targets = {name: x if isinstance(x, Expression) else constant(x) for name, x in outputs.items()}
-    names: dict[Expression, str] = {}
-    lines: list[str] = []
+    texts: dict[Expression, str] = {}
+    lines: list[tuple[str, str]] = []
     for node in _ordered(targets.values()):
         if node.op == "symbol":
-            names[node] = node.args[0]
+            texts[node] = (names or {}).get(node.args[0], node.args[0])
         elif node.op == "constant":
-            names[node] = _literal(node.args[0], "INFINITY", "NAN")
+            texts[node] = literal(node.args[0])
         else:
-            names[node] = f"e{len(lines)}"
-            texts = _C | _C_OF_CONDITIONS if all(arg.is_condition for arg in node.args) else _C
-            text = texts[node.op].format(*(names[arg] for arg in node.args))
-            lines.append(f"const double {names[node]} = {text};")
-    lines += [f"{target} = {names[node]};" for target, node in targets.items()]
-    return end.join(lines)
+            texts[node] = f"e{len(lines)}"
+            lines.append((texts[node], spell(node, [texts[arg] for arg in node.args])))
+    return lines, {target: texts[node] for target, node in targets.items()}
+
+
+def c_text(node: Expression, args: list[str]) -> str:
+    """Return the C text of an operation."""
+    texts = _C | _C_OF_CONDITIONS if all(arg.is_condition for arg in node.args) else _C
+    return texts[node.op].format(*args)
+
+
+def c_literal(value: float) -> str:
+    """Return the C text of a number."""
+    return _literal(value, "INFINITY", "NAN")
+
+
+def numpy_text(node: Expression, args: list[str]) -> str:
+    """Return the NumPy text of an operation."""
+    return f"np.{node.op}({', '.join(args)})"
+
+
+def numpy_literal(value: float) -> str:
+    """Return the NumPy text of a number."""
+    return _literal(value, "np.inf", "np.nan")
+
+
+def to_c(outputs: Mapping[str, Expression | float], end: str = "\n", names: Mapping[str, str] | None = None) -> str:
+    """Return C statements that assign every output from variables with the names of the symbols, or with `names`."""
+    lines, results = statements(outputs, c_text, c_literal, names)
+    written = [f"const double {name} = {text};" for name, text in lines]
+    return end.join([*written, *(f"{target} = {text};" for target, text in results.items())])
 
 
 def _literal(value: float, infinity: str, nan: str) -> str:
@@ -525,18 +576,10 @@ def uniform_parts(
 
 def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[..., tuple[np.ndarray, ...]]:
     """Return a function of arrays, in the order of `inputs`, that returns the outputs in their order."""
-    names: dict[Expression, str] = {}
-    lines: list[str] = []
-    for node in _ordered(outputs.values()):
-        if node.op == "symbol":
-            names[node] = node.args[0]
-        elif node.op == "constant":
-            names[node] = _literal(node.args[0], "np.inf", "np.nan")
-        else:
-            names[node] = f"e{len(lines)}"
-            lines.append(f"    {names[node]} = np.{node.op}({', '.join(names[arg] for arg in node.args)})")
-    returned = "".join(f"{names[node]}, " for node in outputs.values())
-    source = "\n".join([f"def function({', '.join(inputs)}):", *lines, f"    return ({returned})"])
+    lines, results = statements(outputs, numpy_text, numpy_literal)
+    returned = "".join(f"{text}, " for text in results.values())
+    body = [f"    {name} = {text}" for name, text in lines]
+    source = "\n".join([f"def function({', '.join(inputs)}):", *body, f"    return ({returned})"])
     scope: Table = {"np": np}
     exec(source, scope)
     function: Callable[..., tuple[np.ndarray, ...]] = scope["function"]
