@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import xarray
 from helpers.drawn import shows
+from helpers.labels import crossed_labels
 from matplotlib.axes import Axes
 
 from ruptfx.case import parse_case
@@ -231,6 +232,25 @@ def maxwell_slip() -> None:
         long = [line for line in ax.lines if len(line.get_xdata()) == data.sizes["alpha_fine"]]
         for line, name in zip(long, curves, strict=True):
             np.testing.assert_allclose(line.get_data(), [data.alpha_fine, data[name]])
+
+
+def test_lines_of_the_transition_cross_no_labels() -> None:
+    """With the curves of the model for the six shape parameters of the lecture."""
+    fine, alpha = np.geomspace(0.5, 1e5, 60), np.array([1e5, 500.0, 50, 20, 10, 1])
+    part = {"alpha_fine": fine, "alpha": alpha}
+    curve = {name: 2 / np.pi * np.exp(-0.5 * np.pi**2 / (2 * values + 1)) for name, values in part.items()}
+    fields = {
+        "limit_amplitude": ("alpha_fine", curve["alpha_fine"]), "law_amplitude": ("alpha_fine", curve["alpha_fine"]),
+        "limit_mu_static": ("alpha_fine", 0.225 + 0.1 * curve["alpha_fine"]), "alpha_c": 21.2,
+        "late_amplitude": (("alpha", "realisation"), np.outer(curve["alpha"], [0.9, 1.1])),
+        "mu_static": (("alpha", "realisation"), 0.225 + 0.1 * np.outer(curve["alpha"], [0.9, 1.1])),
+    }  # fmt: skip
+    attrs = {"mu_s": 0.3, "mu_d": 0.225, "threshold": 0.13, "blocks": 300}
+    data = xarray.Dataset(fields, part, attrs)
+    for draw in (maxwell.amplitude, maxwell.static):
+        (ax,) = draw(data).axes
+        assert len([text for text in ax.texts if "alpha_c" in text.get_text()]) == 1
+        assert crossed_labels(ax) == []
 
 
 def roughness_map() -> None:

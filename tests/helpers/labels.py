@@ -7,6 +7,7 @@ from itertools import combinations
 from unittest.mock import patch
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -79,3 +80,22 @@ def label_faults(figure: Figure) -> list[str]:
         if min(x0, y0) < -OUTSIDE or x1 > width + OUTSIDE or y1 > height + OUTSIDE:
             found.append(f"{label.text!r} is cut off at the edge of the figure")
     return found
+
+
+def crossed_labels(axes: Axes) -> list[str]:
+    """Labels inside axes that a line along one of them crosses, such as that of `axvline`."""
+    figure = axes.figure
+    figure.draw_without_rendering()
+    legend, renderer = axes.get_legend(), figure._get_renderer()
+    texts = [*axes.texts, *(legend.get_texts() if legend else [])]
+    result = []
+    for line in axes.lines:
+        points = line.get_transform().transform(line.get_xydata())
+        for axis, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0), strict=True)):
+            for text in texts if high - low < 1 else ():
+                corners = text.get_window_extent(renderer).get_points()
+                reach = points[:, 1 - axis]
+                beside = corners[1, 1 - axis] < reach.min() or corners[0, 1 - axis] > reach.max()
+                if corners[0, axis] < low < corners[1, axis] and not beside:
+                    result.append(text.get_text())
+    return result

@@ -114,7 +114,7 @@ def static(dataset: xarray.Dataset) -> Figure:
     _transition(ax, dataset)
     ax.set(xscale="log", xlabel=r"Shape parameter $\alpha$  (rough $\rightarrow$ smooth)")
     ax.set_ylabel("Static coefficient")
-    ax.legend(loc="center right")
+    ax.legend(loc="lower right", bbox_to_anchor=(1, 0.16))  # below the curve, right of the transition
     return figure
 
 
@@ -124,7 +124,7 @@ def _transition(ax, dataset: xarray.Dataset) -> None:  # type: ignore[no-untyped
         ax.axvline(alpha_c, color=STICK_SLIP, linestyle="--", linewidth=0.8)
         ax.annotate(
             rf"$\alpha_c$ = {alpha_c:.3g}",
-            (alpha_c, 0.02),
+            (alpha_c, 0.065),  # above mu_d
             xycoords=("data", "axes fraction"),
             xytext=(3, 0),
             textcoords="offset points",
@@ -161,14 +161,14 @@ def amplitude(dataset: xarray.Dataset) -> Figure:
         (1, dataset.attrs["threshold"]),
         ha="right",
         xycoords=("axes fraction", "data"),
-        xytext=(0, 2),
+        xytext=(-3, 2),
         textcoords="offset points",
         color=STICK_SLIP,
     )
     _transition(ax, dataset)
     ax.set(xscale="log", xlabel=r"Shape parameter $\alpha$", ylim=(0, 1.05))
     ax.set_ylabel(r"Late peak-to-peak / $2(\mu_s-\mu_d)$")
-    ax.legend(loc="upper left")
+    ax.legend(loc="lower right", bbox_to_anchor=(1, 0.18))  # below the curves, right of the transition
     return figure
 
 

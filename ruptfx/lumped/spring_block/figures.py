@@ -105,6 +105,7 @@ def fronts(dataset: xarray.Dataset) -> Figure:
         textcoords="offset points",
         color=STEADY,
         fontsize=6,
+        bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1},
     )
     left.set(xlabel="Time since the first detachment (ms)", ylabel="Block")
     left.set_title("(a)", loc="left")
