@@ -85,6 +85,41 @@ def test_the_damping_of_newmark_steps_is_that_of_their_time_step(stepper: dict[s
         assert stable_time_step(model) == pytest.approx(stable_time_step(usual) / np.sqrt(1.2), rel=1e-9)
 
 
+@pytest.mark.parametrize("gamma", [0.55, 0.8])
+def test_a_standing_wave_is_that_of_explicit_newmark_steps(gamma: float) -> None:
+    """A lumped bar of linear elements has the mode cos(k x) with the frequency 2 c/h sin(k h/2)."""
+    h, dt, length = 2e-3, 2e-7, 12e-3
+    case = parse_case(plates({
+        "order": 1, "materials.default.poisson_ratio": 0.0, "damping.kelvin_voigt.beta_2": gamma,
+        "stepper": {"kind": "leapfrog", "time_step": dt},
+    }))  # fmt: skip
+    model = Model(case, fem.MPI.COMM_WORLD)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    k = 3 * np.pi / length
+    x = model.coordinates[:, 0]
+    u = state.displacement.reshape(-1, 2)
+    u[:, 0] = 1e-6 * np.cos(k * x)
+    amplitudes = [1e-6]
+    for _ in range(60):
+        motion.step(state)
+        u = state.displacement.reshape(-1, 2)
+        amplitude = u[:, 0] @ np.cos(k * x) / (np.cos(k * x) ** 2).sum()
+        np.testing.assert_allclose(u, np.outer(amplitude * np.cos(k * x), [1, 0]), atol=1e-15)
+        amplitudes.append(float(amplitude))
+    squared = HOMALITE["young_modulus"] / HOMALITE["density"] * (2 / h * np.sin(k * h / 2)) ** 2
+    position, acceleration = amplitudes[0], -squared * amplitudes[0]
+    velocity = (amplitudes[1] - position) / dt - dt / 2 * acceleration
+    for expected in amplitudes[1:]:
+        position += dt * velocity + dt**2 / 2 * acceleration
+        before, acceleration = acceleration, -squared * position
+        velocity += dt * ((1 - gamma) * before + gamma * acceleration)
+        assert position == pytest.approx(expected, rel=0, abs=1e-15)
+    # The product of both roots of the recurrence: the square of the amplitude is multiplied by it in a step.
+    q = np.array(amplitudes)
+    area = q[1:-1] ** 2 - q[:-2] * q[2:]
+    np.testing.assert_allclose(area[1:] / area[:-1], 1 - (gamma - 0.5) * squared * dt**2, rtol=1e-6)
+
+
 def test_the_damping_of_newmark_steps_is_given_alone() -> None:
     with pytest.raises(RuptfxError, match=r"beta_2 = 0\.6\b"):
         parse_case(plates({"damping.kelvin_voigt": {"beta_2": 0.6, "eta": 1e-8, "bodies": ["lower"]}}))
