@@ -15,6 +15,7 @@ from ruptfx.bodies.boundaries import AnyBoundary, Boundary
 from ruptfx.bodies.initial_stress import AnyBodyStress, Component, matrices
 from ruptfx.bodies.meshes import AnyMesh
 from ruptfx.case import consistency, support
+from ruptfx.input.former_names import warn_of_former
 from ruptfx.input.plugins import CaseFile, active, named
 from ruptfx.input.quantities import require_units, si_and_units
 from ruptfx.input.schema import (
@@ -101,6 +102,20 @@ class FaultCase(Part):
     @classmethod
     def _as_list(cls, value: object) -> object:
         return [value] if isinstance(value, dict) else value
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fluid_of_friction(cls, values: object) -> object:
+        """Read the former friction law `pressurised` as a pore pressure around the law inside it."""
+        while isinstance(values, Mapping) and isinstance(law := values.get("friction"), Mapping):
+            if law.get("kind") != "pressurised":
+                break
+            warn_of_former("of friction the kind", "pressurised", "pore_pressure.given")
+            fluid = {"begin": 0.0, **{key: value for key, value in law.items() if key != "law"}, "kind": "given"}
+            others = values.get("pore_pressure", [])
+            others = [others] if isinstance(others, Mapping) else others
+            values = {**values, "friction": law.get("law"), "pore_pressure": [*others, fluid]}
+        return values
 
     @model_validator(mode="after")
     def _rubs_or_slips(self) -> Self:

@@ -185,7 +185,7 @@ COULOMB = {"kind": "coulomb", "mu_d": 0.5}
 
 @pytest.mark.parametrize(("law", "reason"), [
     ({"kind": "cohesion", "c": 1e6, "law": COULOMB}, "one of facets"),
-    ({"kind": "pressurised", "pressure": 1e6, "begin": 1e-6, "law": COULOMB}, "time since the start"),
+    ({"kind": "time_weakening", "mu_s": 0.6, "mu_d": 0.5, "arrival": 1e-6}, "time since the start"),
     ({"kind": "coulomb", "mu_d": {"kind": "boxcar", "inside": 0.2, "outside": 0.5, "center": 0.0, "half_width": 1e-3}},
      "varies"),
 ])  # fmt: skip

@@ -19,6 +19,7 @@ from helpers.messages import facts
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case
 from ruptfx.input.fields import INTERFACE_FIELDS
+from ruptfx.input.former_names import FormerName
 from ruptfx.input.schema import CaseError, alternatives
 from ruptfx.interfaces.faults.fields import Heating
 from ruptfx.platform import fem, parallel
@@ -54,6 +55,8 @@ STEPPERS: dict[str, dict[str, Any]] = {
     "quasi_dynamic": {**SLOW, "stepper": {"kind": "quasi_dynamic"}},
     "hybrid": {**FAST, "stepper": {"kind": "hybrid"}},
 }
+FOLLOW_THE_STATE = ("dilatancy",)
+"""Kinds that need a friction law with the state theta."""
 every_stepper = pytest.mark.parametrize("stepper", STEPPERS)
 
 
@@ -64,7 +67,10 @@ def example(field: str, kind: str) -> dict[str, Any]:
 
 
 def with_field(field: str, kind: str, changes: dict[str, Any] | None = None) -> Case:
-    return parse_case(plates({**SLIDES, f"faults.main.{field}": example(field, kind), **(changes or {})}))
+    changes = dict(changes or {})
+    if kind in FOLLOW_THE_STATE:
+        changes.pop("faults.main.friction", None)
+    return parse_case(plates({**SLIDES, f"faults.main.{field}": example(field, kind), **changes}))
 
 
 @every_kind
@@ -119,23 +125,27 @@ def test_friction_is_that_of_the_effective_normal_stress(stepper: str) -> None:
     assert np.all(ours[:, 3] == 2e6)
 
 
-HEATED = [(field, kind) for field, kind in KINDS if kind not in ("given", "diffusion")]
-
-
-@pytest.mark.parametrize("stepper", ["leapfrog", "generalized_alpha", "quasi_static"])
+@pytest.mark.parametrize("stepper", ["leapfrog", "split", "generalized_alpha", "quasi_static"])
 def test_heat_is_the_work_of_friction(stepper: str) -> None:
-    """At every point of compliant contact, less what radiates."""
+    """At every point, less what radiates.
+
+    Split nodes have worked until half a step after the tractions, and from rest in half a step before the first slip.
+    """
     given = with_field("pore_pressure", "thermal_pressurisation", STEPPERS[stepper])
     model = Model(given, fem.MPI.COMM_SELF)
     motion, state = given.stepper.bind(model), model.initial_state()
-    for _ in range(10):
-        motion.step(state)
     fields, area = state.faults["main"], model.faults[0].interface.area
+    motion.step(state)
+    first = 0.25 * state.lag * fields["shear_traction"] * fields["mean_slip_rate"]
+    for _ in range(9):
+        motion.step(state)
     if stepper == "quasi_static":
         energy = motion.energies(state)
         assert area @ fields["frictional_heat"] == pytest.approx(energy["frictional_dissipation"], rel=1e-6)
     else:
-        np.testing.assert_allclose(fields["frictional_heat"], fields["friction_work"], rtol=1e-12)
+        late = 0.5 * state.lag * fields["shear_traction"] * fields["mean_slip_rate"]
+        beyond = late - first if stepper == "split" else 0.0
+        np.testing.assert_allclose(fields["frictional_heat"], fields["friction_work"] - beyond, rtol=1e-12)
     assert fields["frictional_heat"].min() > 0
 
 
@@ -158,14 +168,19 @@ def test_recorded_and_resumed_bitwise(field: str, kind: str, stepper: str, share
                 values = one.interface[name]
                 assert values.attrs["units"] == INTERFACE_FIELDS[name].unit
                 assert INTERFACE_FIELDS[name].long_name in values.attrs["long_name"]
-            if COMM.size == 1 or stepper == "leapfrog":
-                assert one.interface.identical(other.interface)
+            # On several ranks the direct solver rounds the displacement of the bodies differently in every run.
+            rounds = COMM.size > 1 and stepper == "quasi_dynamic"
+            for name in one.interface:
+                ours, theirs = (np.asarray(each.interface[name]) for each in (one, other))
+                slack = 1e-12 * np.abs(ours).max() if rounds and name == "displacement_jump" else 0.0
+                np.testing.assert_allclose(ours, theirs, rtol=0, atol=slack, err_msg=name)
 
 
 @every_kind
 def test_surfaces_have_fields(field: str, kind: str) -> None:
+    law = {"faults.main.friction": SLIDES["faults.main.friction"]} if kind in FOLLOW_THE_STATE else {}
     model, _, state = march(parse_case(strike_slip({
-        "duration": 2e-7, "faults.main.initial_stress.normal": 6e6, f"faults.main.{field}": example(field, kind),
+        "duration": 2e-7, "faults.main.initial_stress.normal": 6e6, f"faults.main.{field}": example(field, kind), **law,
     })))  # fmt: skip
     fields = state.faults["main"]
     assert all(np.isfinite(fields[name]).all() for name in model.faults[0].fields.initial())
@@ -318,3 +333,34 @@ def test_a_well_in_a_surface_is_that_of_theis(order: int) -> None:
     late = exp1(np.maximum(square, 1e-16) / (2 * width**2 + 4 * alpha * duration))
     expected = 1e-9 / (4 * np.pi * 1e-13 / 1e-3) * (late - exp1(np.maximum(square, 1e-16) / (2 * width**2)))
     np.testing.assert_allclose(pressure, expected, rtol=0, atol=1e-3 * expected.max())
+
+
+@pytest.mark.parametrize("stepper", ["leapfrog", "split", "generalized_alpha"])
+def test_the_former_law_of_a_fluid_is_a_known_pressure(stepper: str) -> None:
+    """The same steps as with the nucleation that weakens the same law by the same pressure at all points."""
+    duration = SHORT.get(stepper, SHORT["leapfrog"])
+    begin, rise = 0.2 * duration, 0.3 * duration
+    changes = {**STEPPERS[stepper], "duration": 2 * duration}
+    law = changes["faults.main.friction"]
+    drop = {"kind": "normal_stress_drop", "center": 0.0, "half_width": 1.0, "drop": 2e6, "begin": begin, "rise": rise,
+            "duration": duration}  # fmt: skip
+    former = {"kind": "pressurised", "pressure": 2e6, "begin": begin, "end": begin + duration, "rise": rise, "law": law}
+    with pytest.warns(FormerName, match=facts("'pressurised'")):
+        wet = case({**SLIDES, **changes, "faults.main.friction": former})
+    assert wet.faults["main"].friction.kind() == "coulomb" and wet.faults["main"].pore_pressure[0].pressure == 2e6
+    weak = case({**SLIDES, **changes, "faults.main.nucleation": drop})
+    ours, theirs = (rows(each, fem.MPI.COMM_SELF, 10) for each in (wet, weak))
+    assert np.abs(theirs[0][:, 1]).max() > 0
+    np.testing.assert_allclose(ours[0][:, 1:3], theirs[0][:, 1:3], rtol=1e-9)
+    np.testing.assert_allclose(ours[1], theirs[1], rtol=1e-9)
+
+
+def test_a_known_pressure_begins_and_ends_at_times_that_vary() -> None:
+    """From x / (1 m/s) on it rises within 2 s, and falls from 10 s on."""
+    begin = {"kind": "cone", "center": 0.0, "tip": 0.0, "slope": 1.0}
+    pressure = {"kind": "given", "pressure": 1e6, "begin": begin, "end": 10.0, "rise": 2.0}
+    fault = Model(case({**SLIDES, "faults.main.pore_pressure": pressure})).faults[0]
+    none, x = np.zeros(len(fault.interface.plus)), fault.interface.position
+    for time, expected in ((0.0, 0 * x), (1.0, 5e5 * np.clip(1.0 - x, 0, 2)), (11.0, 5e5 + 0 * x), (12.0, 0 * x)):
+        values = fault.fields.values(fault.fields.memory(none), time, Heating(none, none, 0.0))["pore_pressure"]
+        np.testing.assert_allclose(values, expected, atol=1e-6)

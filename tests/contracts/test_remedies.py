@@ -485,6 +485,13 @@ WORDS: dict[str, Remedy] = {
         flat(faults__main__pore_pressure={**WELL, "wells": [{"center": 0.0, "rate": 1e-6, "pressure": 1e5}]}),
         "rate, pressure: give one of them",
         lambda m: [{f"faults.main.pore_pressure.wells.0.{name}": None} for name in ("rate", "pressure")]),
+    "dilatancy of a law without an age": Remedy(
+        flat(faults__main__pore_pressure={
+            "kind": "dilatancy", "coefficient": 1e-4, "compressibility": 1e-8, "porosity": 0.1}),
+        r"use kind = '(\w+)'",
+        lambda m: [{"faults.main.friction": {
+            "kind": m[1], "a": 0.01, "b": 0.014, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}},
+            {"faults.main.pore_pressure": None}]),
     "missing heat capacity": Remedy(
         flat(faults__main__pore_pressure={k: v for k, v in PRESSURISED.items() if k != "heat_capacity"}),
         r"pore_pressure.*heat_capacity",

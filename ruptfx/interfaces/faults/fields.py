@@ -45,7 +45,7 @@ TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class Heating:
-    """Heat of friction per area from the begin of a step to a time in it.
+    """Heat of friction per area, and change of the state, from the begin of a step to a time in it.
 
     Attributes
     ----------
@@ -55,11 +55,17 @@ class Heating:
         [J/m2].
     elapsed : float
         Time since the begin [s].
+    aged : ndarray, shape (n,)
+        Change of ln theta since the begin, of the state theta of the friction law.
+    ageing : ndarray, shape (n,)
+        Rate of ln theta in the step before [1/s].
     """
 
     power: np.ndarray
     heat: np.ndarray
     elapsed: float
+    aged: np.ndarray | float = 0.0
+    ageing: np.ndarray | float = 0.0
 
     @property
     def growth(self) -> np.ndarray:
@@ -74,6 +80,8 @@ class Contribution:
     """Fields to which it adds."""
     is_heated: bool = False
     """Whether it depends on the heat of friction."""
+    is_aged: bool = False
+    """Whether it depends on the state theta of the friction law."""
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return its memory at the start of a run."""
@@ -116,12 +124,18 @@ class FaultFields:
         """True if the heat of friction changes a field."""
         return any(each.is_heated for each in self.contributions)
 
+    @property
+    def is_aged(self) -> bool:
+        """True if the state of the friction law changes a field."""
+        return any(each.is_aged for each in self.contributions)
+
     def memory(self, power: np.ndarray) -> FaultState:
         """Return the memory of all contributions at the start, from the power of friction [W/m2], shape (n,).
 
         Arrays have the shape (n, columns).
         """
         own = {"power": power, "power_before": power, "step": np.zeros(self.points)}
+        own |= {"ageing": np.zeros(self.points)} if self.is_aged else {}
         memory = {name: values[:, None].copy() for name, values in own.items()}
         for number, each in enumerate(self.contributions):
             memory |= {f"{number}.{name}": values for name, values in each.memory().items()}
@@ -189,7 +203,8 @@ class FaultFields:
     def _extrapolated(memory: FaultState, dt: float) -> Heating:
         power, before, step = (memory[name][:, 0] for name in ("power", "power_before", "step"))
         grown = 0.5 * dt * (power - before) / np.where(step > 0, step, 1.0)
-        return Heating(power, np.maximum(power + grown, 0.0) * dt, dt)
+        ageing = memory["ageing"][:, 0] if "ageing" in memory else 0.0
+        return Heating(power, np.maximum(power + grown, 0.0) * dt, dt, ageing * dt, ageing)
 
     def heating(
         self, fault: WithFields, memory: FaultState, old: FaultState, new: FaultState, dt: float,
@@ -209,7 +224,14 @@ class FaultFields:
         slid = fault.components(new, "slip") - fault.components(old, "slip")
         heat = 0.5 * np.sum((before + after) * slid, axis=1)
         added = new["frictional_heat"] - old["frictional_heat"] if self.is_heated else np.zeros(self.points)
-        return Heating(memory["power"][:, 0].copy(), np.where(added != 0, added, heat), dt), power
+        heat, power_before = np.where(added != 0, added, heat), memory["power"][:, 0].copy()
+        return Heating(power_before, heat, dt, *self.ageing(memory, old, new)), power
+
+    def ageing(
+        self, memory: FaultState, old: Mapping[str, np.ndarray], new: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """Return the change of ln theta between two states, and its rate in the step before [1/s], shapes (n,)."""
+        return (np.log(new["theta"] / old["theta"]), memory["ageing"][:, 0].copy()) if self.is_aged else (0.0, 0.0)
 
     def complete(
         self, fault: WithFields, state: State, old: FaultState, new: FaultState, dt: float,
@@ -230,6 +252,8 @@ class FaultFields:
             time = ends_at - dt
             for each, own in self._with_memory(memory):
                 each.advance(own, time, heating)
+            if self.is_aged:
+                memory["ageing"][:, 0] = heating.aged / dt
             memory["power_before"][:, 0], memory["step"][:, 0] = memory["power"][:, 0], dt
             if self.is_heated:
                 new["frictional_heat"][:] = old["frictional_heat"] + heating.heat

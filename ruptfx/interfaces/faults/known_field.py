@@ -13,6 +13,7 @@ from ruptfx.input.number_files import read_table
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.fields import Contribution, Heating
 from ruptfx.interfaces.faults.interface import Interface
+from ruptfx.laws.friction.time_weakening import weakened_fraction
 
 
 class KnownTable(Protocol):
@@ -100,6 +101,19 @@ class KnownField(Contribution):
             return np.asarray((1 - part) * rows[i] + part * rows[i + 1])
 
         return cls(name, at)
+
+    def between(
+        self, begin: np.ndarray | float | None, end: np.ndarray | float | None, rise: np.ndarray | float
+    ) -> Self:  # fmt: skip
+        """Return the field between two times [s], with linear rise and fall; None is before or after all times."""
+        at, times = self._at, [(1.0, begin), (-1.0, end)]
+        changes = [(sign, time) for sign, time in times if time is not None]
+
+        def factor(time: float) -> np.ndarray | float:
+            parts = (sign * weakened_fraction(time, change, rise) for sign, change in changes)
+            return sum(parts, start=1.0 if begin is None else 0.0)
+
+        return type(self)(self.adds[0], lambda time: factor(time) * at(time)) if changes else self
 
     def values(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> dict[str, np.ndarray]:
         return {self.adds[0]: self._at(time + heating.elapsed)}

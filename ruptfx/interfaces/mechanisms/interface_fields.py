@@ -59,7 +59,7 @@ class InterfaceFields(Mechanism):
             fields = state.faults[fault.name]
             self._before[fault.name] = {
                 name: values.copy() for name, values in fields.items()
-                if name.startswith(("shear_traction", "slip", "frictional_heat"))
+                if name.startswith(("shear_traction", "slip", "frictional_heat", "theta"))
             }  # fmt: skip
 
     def account(self, state: State, kick: Kick) -> None:

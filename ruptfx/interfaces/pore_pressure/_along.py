@@ -124,8 +124,9 @@ class Along:
         return self._known[1]
 
     def step(
-        self, pressure: np.ndarray, time: float, dt: float, source: Callable[[float], np.ndarray], known: np.ndarray
-    ) -> AlongStep:
+        self, pressure: np.ndarray, time: float, dt: float, source: Callable[[float], np.ndarray], known: np.ndarray,
+        steady: np.ndarray | float = 0.0,
+    ) -> AlongStep:  # fmt: skip
         """Return a step from the pressure of all points [Pa].
 
         Parameters
@@ -134,12 +135,14 @@ class Along:
             Source integrated over the area of each point.
         known : ndarray, shape (total,)
             Rate of the pressure at fixed points [Pa/s], zero elsewhere.
+        steady : ndarray, shape (total,)
+            A further source that is constant over the step and not counted as injected.
         """
         solver, first = self._solver(dt), source(time + GAMMA * dt)
         last = source(time + dt)
 
         def rate(force: np.ndarray, value: np.ndarray) -> np.ndarray:
-            return np.asarray(solver.solve(np.where(self._fixed, known, force - self.stiffness @ value)))
+            return np.asarray(solver.solve(np.where(self._fixed, known, force + steady - self.stiffness @ value)))
 
         k1 = rate(first, pressure)
         k2 = rate(last, pressure + (1 - GAMMA) * dt * k1)

@@ -13,10 +13,19 @@ from ruptfx.bodies.boundaries.histories import History, course
 from ruptfx.input.number_files import two_columns
 from ruptfx.input.profiles.places import Center, distance
 from ruptfx.input.schema import CaseError, Part, Unit
-from ruptfx.input.units import Compressibility, Fraction, Length, VaryingPermeability, VaryingPressure, Viscosity
+from ruptfx.input.units import (
+    Compressibility,
+    Fraction,
+    Length,
+    VaryingCoefficient,
+    VaryingPermeability,
+    VaryingPressure,
+    Viscosity,
+)
 from ruptfx.interfaces.faults.fields import Contribution, Heating
 from ruptfx.interfaces.pore_pressure import PorePressure
 from ruptfx.interfaces.pore_pressure._along import Along, AlongStep, on_all_ranks
+from ruptfx.interfaces.pore_pressure._state import require_state
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
@@ -74,8 +83,8 @@ class Well(Part):
 class Diffusion(PorePressure):
     """Diffusion of the pore pressure along the interface, a permeable layer between tight bodies.
 
-    beta phi dp/dt = div (k / eta grad p) + Q / b, with the rate Q of wells per area. The field is the change of the
-    pressure since the start plus `initial`.
+    beta phi dp/dt = div (k / eta grad p) + Q / b + epsilon d(ln theta)/dt, with the rate Q of wells per area and the
+    state theta of the friction law. The field is the change of the pressure since the start plus `initial`.
     """
 
     source = "Segall and Rice (1995); SEAS benchmark BP6"
@@ -98,6 +107,8 @@ class Diffusion(PorePressure):
     """Wells, an entry each."""
     initial: VaryingPressure = 0.0
     """Pressure at the start."""
+    dilatancy: VaryingCoefficient = 0.0
+    """epsilon: pores open by epsilon when theta falls by a factor of e, where slip accelerates."""
     rim: Literal["no_flux", "fixed"] = "no_flux"
     """Rim of the interface: `no_flux`, or `fixed` for the initial pressure."""
 
@@ -107,6 +118,8 @@ class Diffusion(PorePressure):
                 f"{key}.kind = 'diffusion': not along a section that repeats along strike, mesh.along_strike; use "
                 "kind = 'given', or a mesh of the whole bodies"
             )
+        if np.any(self.dilatancy):
+            require_state(model, key)
         for number, well in enumerate(self.wells):
             _check_place(model, face, well, f"{key}.wells.{number}.center")
         return PressureAlong(self, model, face, key.split(".")[1])
@@ -166,8 +179,11 @@ class PressureAlong(Contribution):
                 width = well.half_width
                 share = area * (nearest if width is None else np.exp(-0.5 * (away / width) ** 2))
                 self._rates.append((well, share / share.sum()))
+        self._dilatancy, self.is_aged = np.broadcast_to(table.dilatancy, len(face.plus)), bool(np.any(table.dilatancy))
+        self._free = ~self._fixed[face.number]
         mobility = np.broadcast_to(table.permeability, len(face.plus)) / table.viscosity
         storage = table.compressibility * table.porosity
+        self._per_age = self._dilatancy / storage  # Pa
         self.along = Along(model, face, name, mobility, storage, area, self._fixed)
         self._step: AlongStep | None = None
         self.injected = 0.0
@@ -183,20 +199,33 @@ class PressureAlong(Contribution):
         return sum(rates, np.zeros(self._face.total)) / self._table.thickness
 
     def memory(self) -> dict[str, np.ndarray]:
-        return {"change": self._known(0.0)[self._face.number][:, None]}
+        change = self._known(0.0)[self._face.number][:, None]
+        return {"change": change, **({"ageing": np.zeros_like(change)} if self.is_aged else {})}
 
     def plan(self, memory: Mapping[str, np.ndarray], time: float, dt: float) -> None:
         self._step = None
         if dt > 0:
-            begin = on_all_ranks(self._comm, self._face, memory["change"][:, 0])
+            face, values, steady = self._face, memory["change"], 0.0
+            if self.is_aged:
+                # The rate of the step before diffuses; what differs from it is added without diffusion (`_differs`).
+                opened = self._dilatancy * face.area * memory["ageing"][:, 0]
+                begin, steady = on_all_ranks(self._comm, face, np.column_stack([values, opened])).T
+            else:
+                begin = on_all_ranks(self._comm, face, values[:, 0])
             known = (self._known(time + dt) - self._known(time)) / dt
-            self._step = self.along.step(begin, time, dt, self._source, known)
+            self._step = self.along.step(begin, time, dt, self._source, known, steady)
 
     def values(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> dict[str, np.ndarray]:
         change = memory["change"][:, 0]
         if heating.elapsed > 0 and self._step is not None:
-            change = self._step.at(heating.elapsed / self._step.length)[self._face.number]
+            change = self._step.at(heating.elapsed / self._step.length)[self._face.number] + self._differs(heating)
         return {"pore_pressure": self._initial + change}
+
+    def _differs(self, heating: Heating) -> np.ndarray | float:
+        """Return the pressure by the change of the state beyond that at the rate of the step before [Pa]."""
+        if not self.is_aged:
+            return 0.0
+        return np.asarray(self._free * self._per_age * (heating.aged - heating.ageing * heating.elapsed))
 
     @property
     def _initial(self) -> np.ndarray:
@@ -204,8 +233,12 @@ class PressureAlong(Contribution):
 
     def advance(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> None:
         assert self._step is not None
-        memory["change"][:, 0] = self._step.end[self._face.number]
+        memory["change"][:, 0] = self._step.end[self._face.number] + self._differs(heating)
+        if self.is_aged:
+            memory["ageing"][:, 0] = heating.aged / heating.elapsed
         self.injected += self._step.injected
 
     def uncertainty(self, heating: Heating) -> np.ndarray | float:
-        return 0.0 if self._step is None else np.abs(self._step.error)[self._face.number]
+        if self._step is None:
+            return 0.0
+        return np.abs(self._step.error)[self._face.number] + np.abs(self._differs(heating))

@@ -8,7 +8,7 @@ from pydantic import model_validator
 
 from ruptfx.bodies.boundaries.histories import History
 from ruptfx.input.schema import CasePath
-from ruptfx.input.units import VaryingPressure
+from ruptfx.input.units import VaryingDelay, VaryingInstant, VaryingPressure
 from ruptfx.interfaces.faults.known_field import KnownField, require_one_source
 from ruptfx.interfaces.pore_pressure import PorePressure
 
@@ -29,6 +29,12 @@ class Given(PorePressure):
     file: CasePath | None = None
     """CSV file with time, position and pressure at the points of a grid, instead of both; linear in between.
     Its header may give the units, as in `time (d), position (km), pressure (Pa)`."""
+    begin: VaryingInstant | None = None
+    """Time at which the pressure rises from zero; without it, it acts from the start."""
+    end: VaryingInstant | None = None
+    """Time at which it falls to zero."""
+    rise: VaryingDelay = 0.0
+    """Duration of its rise and of its fall; 0: instantaneous."""
 
     @model_validator(mode="after")
     def _one_source(self) -> Given:
@@ -36,4 +42,5 @@ class Given(PorePressure):
         return self
 
     def bind(self, model: System, face: Interface, key: str) -> KnownField:
-        return KnownField.of("pore_pressure", "Pa", self.pressure, self, face, key)
+        known = KnownField.of("pore_pressure", "Pa", self.pressure, self, face, key)
+        return known.between(self.begin, self.end, self.rise)

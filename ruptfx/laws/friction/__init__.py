@@ -151,5 +151,5 @@ if TYPE_CHECKING:
 else:
     AnyFriction = alternative("ruptfx.laws.friction")
 
-SHARED = ("in_fields", "lengths", "rate_and_state_base")
+SHARED = ("in_fields", "lengths", "pressurised", "rate_and_state_base")
 """Files of this folder that are no kinds."""

@@ -1,4 +1,4 @@
-"""A fluid between the surfaces around any law: effect of a sudden drop of the effective normal stress."""
+"""A fluid between the surfaces around any law: effect of the nucleation `normal_stress_drop`."""
 
 from __future__ import annotations
 

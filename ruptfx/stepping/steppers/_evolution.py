@@ -143,7 +143,7 @@ class WithFields(Evolution):
 
     def begin(self, state: State, dt: float) -> None:
         self._memory, self._time = state.fluids[self._fault.name], state.time
-        self._begun = state.faults[self._fault.name]
+        self._begun = {name: values.copy() for name, values in state.faults[self._fault.name].items()}
         self._fault.fields.prepare(self._memory, state.time, dt)
 
     def variables(self, state: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -152,7 +152,8 @@ class WithFields(Evolution):
 
     def _heating(self, variables: np.ndarray) -> Heating:
         elapsed = float(variables[:, -1].max(initial=0.0))
-        return Heating(self._memory["power"][:, 0], variables[:, -2], elapsed)
+        aged = self._fault.fields.ageing(self._memory, self._begun, self._inner.state(variables[:, :-2]))
+        return Heating(self._memory["power"][:, 0], variables[:, -2], elapsed, *aged)
 
     def state(self, variables: np.ndarray) -> LawState:
         heating = self._heating(variables)
