@@ -87,7 +87,7 @@ def write(path: Path, kind: str) -> Path:
         steps = [(resting, 0.5), (crack, TIME[1]), (resting, 0.5)]
         time = np.cumsum(np.concatenate([np.full(len(field), step) for field, step in steps]))
         return uneven(synthetic.write_run(path, np.concatenate([field for field, _ in steps]), time, POSITION))
-    written = uneven(synthetic.write_run(path, crack, TIME, POSITION, slides=kind == "slides"))
+    written = uneven(synthetic.write_run(path, crack, TIME, POSITION, slides=kind == "slides", wet=kind == "wet"))
     if kind == "broken":
         synthetic.write_cracks(path, failed=120)
     return written
@@ -166,6 +166,17 @@ def slip_profiles(record: Record) -> list[list[Shown]]:
     data, rows = record.interface, [at_row(record, time) for time in AT]
     return [[Shown(("x", data["position"].values), (name, data[name].values[row])) for row in rows]
             for name in ("slip", "displacement_jump")]  # fmt: skip
+
+
+def fluid_front(record: Record) -> list[list[Shown]]:
+    """The farthest points from the well at 0.03 m that have had 2 % of the largest rise and of the largest slip."""
+    data, fronts = record.interface, []
+    away = np.abs(data["position"].values - data["position"].values[np.argmin(np.abs(data["position"].values - 0.03))])
+    pressure = data["pore_pressure"].values
+    for values in (np.maximum(pressure - pressure[0], 0.0), np.abs(data["slip"].values)):
+        rows = [away[values[: row + 1].max(axis=0) >= 0.02 * values.max()] for row in range(len(values))]
+        fronts.append(np.array([row.max() if len(row) else np.nan for row in rows]))
+    return [[Shown(("time", data["time"].values), ("distance", front)) for front in fronts]]
 
 
 def snapshots(record: Record) -> list[list[Shown]]:
@@ -302,6 +313,7 @@ SHOWN: list[tuple[str, str, dict[str, Any], Callable[[Record], list[list[Shown]]
     ("forces", "slides", {"field": "forces"}, forces),
     ("instruments", "plain", {}, instruments),
     ("slip_profiles", "plain", {"at": AT}, slip_profiles),
+    ("fluid_front", "wet", {}, fluid_front),
     ("snapshots", "plain", {"at": AT}, snapshots),
     ("surfaces", "slides", {"at": AT}, surfaces),
     ("front", "plain", {"field": "rupture_time"}, front),

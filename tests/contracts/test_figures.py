@@ -42,7 +42,9 @@ def write(path, kind):
     fields = {"train": np.maximum(synthetic.train(TIME, POSITION), 0), "at rest": 0 * crack}
     plane = "antiplane" if kind == "antiplane" else "stress"
     field = fields.get(kind, crack)
-    written = synthetic.write_run(path, field, TIME, POSITION, plane=plane, slides=kind == "slides far")
+    written = synthetic.write_run(
+        path, field, TIME, POSITION, plane=plane, slides=kind == "slides far", wet=kind == "wet"
+    )
     if kind in BROKEN:
         synthetic.write_cracks(path, failed=BROKEN[kind])
     return written
@@ -51,13 +53,15 @@ def write(path, kind):
 SAVED = {"killed at once": 1, "killed early": 2}
 SURFACES = ["surface", "scattered surface", "two surfaces"]
 BROKEN = {"broken": 2, "not broken": 0, "crushed": 120}
-OWN = dict.fromkeys(BROKEN, ("cracks", "emission")) | dict.fromkeys(
-    SURFACES[1:], ("moment_rate", "rupture_map", "slip_rate_maps")
+OWN = (
+    {"wet": ("fluid_front",)}
+    | dict.fromkeys(BROKEN, ("cracks", "emission"))
+    | dict.fromkeys(SURFACES[1:], ("moment_rate", "rupture_map", "slip_rate_maps"))
 )
 """Runs that only some figures see as others than those before."""
 SAME_BODIES, OF_BODIES = ("slow and fast", "at rest", "slides far"), ("energy_budget", "instruments", "fringes")
 """Runs whose bodies, energies and instruments are those of the first one, and figures of these."""
-KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane", "slides far", *BROKEN, *SURFACES]
+KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane", "wet", "slides far", *BROKEN, *SURFACES]
 
 
 @pytest.fixture(scope="module")

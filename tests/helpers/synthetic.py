@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 import xarray
 
-from ruptfx.input.fields import DERIVED, FIELDS, MONITORS
+from ruptfx.input.fields import DERIVED, FIELDS, INTERFACE_FIELDS, MONITORS
 
 Array = np.ndarray
 
@@ -25,11 +25,12 @@ UNITS = {
     "shear_traction": "Pa",
     "normal_stress": "Pa",
     "opening": "m",
+    "pore_pressure": "Pa",
     "theta": "s",
     "peak_slip_rate": "m/s",
     "rupture_time": "s",
 }
-WORDS = {field.name: field.long_name for field in (*FIELDS, *DERIVED, *MONITORS)}
+WORDS = {field.name: field.long_name for field in (*FIELDS, *DERIVED, *INTERFACE_FIELDS.values(), *MONITORS)}
 _GLL4 = np.array([0, 1 - np.sqrt(3 / 7), 1, 1 + np.sqrt(3 / 7)]) / 2
 
 
@@ -112,9 +113,10 @@ def write_run(
     summary: dict | None = None,
     V_imp: float = V_IMP,
     slides: bool = False,
+    wet: bool = False,
 ) -> Path:
     """Write a run directory with this slip rate; everything else follows from it or is simple and known. An interface
-    that slides has surfaces, states of contact and forces, too."""
+    that slides has surfaces, states of contact and forces, too; one that is wet has a well at 0.03 m."""
     path.mkdir(parents=True)
     case = {
         "title": "Synthetic", "plane": plane, "order": 4, "duration": DURATION, "mesh": {"kind": "none"},
@@ -123,7 +125,7 @@ def write_run(
     }  # fmt: skip
     (path / "case.toml").write_text(tomli_w.dumps(case), encoding="utf-8")
     (path / "run.log").write_text("synthetic\n", encoding="utf-8")
-    _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp, slides)
+    _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp, slides, wet)
     if slides:
         _write_forces(path / "forces.csv", time)
     _write_bulk(path / "bulk.h5", np.linspace(time[0], time[-1], snapshots), plane)
@@ -135,8 +137,9 @@ def write_run(
 
 
 def _write_interface(
-    path: Path, slip_rate: Array, time: Array, position: Array, plane: str, complete: bool, V_imp: float, slides: bool
-) -> None:
+    path: Path, slip_rate: Array, time: Array, position: Array, plane: str, complete: bool, V_imp: float, slides: bool,
+    wet: bool,
+) -> None:  # fmt: skip
     slid = np.abs(slip_rate) > 1e-3
     slip = np.vstack([np.zeros_like(position), np.cumsum(slip_rate[1:] * np.diff(time)[:, None], axis=0)])
     histories = {
@@ -148,6 +151,9 @@ def _write_interface(
         "opening": np.zeros_like(slip_rate),
         "theta": np.exp(-slip / 1e-5),
     }
+    if wet:
+        since = (time - time[0])[:, None]
+        histories["pore_pressure"] = 1e11 * since * np.exp(-np.abs(position - 0.03) / (100 * since + 1e-4))
     if slides:
         # What slides has slid over a wave of 10 um; the last tenth faces nothing, the tenth before it is open.
         height = 1e-5 * np.cos(2 * np.pi * position / 0.02) * np.ones_like(slip)

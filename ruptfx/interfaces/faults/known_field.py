@@ -109,9 +109,9 @@ class KnownField(Contribution):
         at, times = self._at, [(1.0, begin), (-1.0, end)]
         changes = [(sign, time) for sign, time in times if time is not None]
 
-        def factor(time: float) -> np.ndarray | float:
-            parts = (sign * weakened_fraction(time, change, rise) for sign, change in changes)
-            return sum(parts, start=1.0 if begin is None else 0.0)
+        def factor(time: float) -> np.ndarray:
+            parts = [np.asarray(sign * weakened_fraction(time, change, rise)) for sign, change in changes]
+            return np.asarray(sum(parts) + float(begin is None))
 
         return type(self)(self.adds[0], lambda time: factor(time) * at(time)) if changes else self
 
