@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
@@ -348,3 +349,31 @@ def test_a_full_disk_keeps_what_was_there(
             assert {file: each for file, each in after.items() if file in before} == before
             assert name in OWN_DIRECTORY or set(after) == set(before)
     assert failed
+
+
+KILLED = ("film", "movie", "plot", "export", "export, netcdf", "export, vtk", "export, vtkhdf", "dic", "mesh")
+KILL = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_DFL)  # which Python ignores
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+size = int(sys.argv.pop(1))
+resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+from ruptfx.app.cli import program
+program()
+"""
+
+
+@each_of(KILLED, ("film",))
+def test_a_command_killed_in_the_middle_of_a_file_keeps_what_was_there(
+    name: str, place: Path, made_by: Callable[[str], list[str]]
+) -> None:
+    """The kernel kills a process at the byte that is one too many: half of the largest output is written then."""
+    size = max((place / file).stat().st_size for file in made_by(name)) // 2
+    before = contents(place)
+    done = subprocess.run([sys.executable, "-c", KILL, str(size), *WRITERS[name]], capture_output=True, timeout=300)
+    assert done.returncode == -signal.SIGXFSZ, done.stderr
+    after = contents(place)
+    assert {file: each for file, each in after.items() if file in before} == before
+    assert all("/.ruptfx-" in f"/{file}" for file in set(after) - set(before))
+    # What a killed command leaves does not stop the next one.
+    assert subprocess.run([sys.executable, "-m", "ruptfx", *WRITERS[name]], capture_output=True).returncode == 0
