@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin, save
+from ruptfx.app.script import begin, save, save_numbers
 from ruptfx.results.figure_style import letter, new_figure, styled
 
 CASE, G = Path(__file__).with_name("sliding_to_rest.toml"), 10.0  # m/s2
@@ -23,7 +23,7 @@ out = Path("runs/sliding_to_rest")
 begin(out)
 
 # %%
-results = {}
+results, numbers = {}, {}
 for name, changes in LAWS.items():
     case = read_case(CASE, [*changes, "output.figures=false"])
     data = simulate(case, out / name.replace(" ", "_"), overwrite=True).interface.load()
@@ -35,8 +35,11 @@ for name, changes in LAWS.items():
     results[name] = data, time, speed, way
     moves = data.slip_rate.mean("position").values > 1e-6
     stop, slip = float(data.time.values[moves][-1]), float(data.slip.mean("position")[-1])
-    print(f"{name}: stops after {1e3 * stop:.2f} ms and {1e3 * slip:.4f} mm, "
-          f"closed form {1e3 * time[-1]:.3f} ms and {1e3 * way[-1]:.4f} mm")  # fmt: skip
+    numbers |= {
+        f"{name}: stops after": (stop, "s"), f"{name}: closed form of the time": (float(time[-1]), "s"),
+        f"{name}: way": (slip, "m"), f"{name}: closed form of the way": (float(way[-1]), "m"),
+    }  # fmt: skip
+save_numbers(out, numbers)
 
 
 # %%

@@ -18,7 +18,7 @@ import numpy as np
 
 from ruptfx import simulate
 from ruptfx.app.bench.slip_sequence import MACHINE, ROWS, UNTIL_SLIDE, EdgeAsperity, Sequence, line_of, pushed
-from ruptfx.app.script import begin, save
+from ruptfx.app.script import begin, save, save_numbers
 from ruptfx.results.figure_style import GUIDE, letter, new_figure, remark, styled
 
 out = Path("runs/slip_sequence")
@@ -48,6 +48,19 @@ for name, each in heights.items():
         force, length = event.force / each.load, event.reach / each.length
         print(f"  {event.start:5.2f} s, F_S/F_N = {force:.3f}: from {1e3 * event.origin:.0f} mm, {length:.2f} L, "
               f"{event.drop / event.force:.1%} of the force less")  # fmt: skip
+# The coefficient of static friction of the whole block is the force at which it first slides over F_N: strength is
+# 0.40 in the mean, but it slides where parts of it have let go.
+numbers = {}
+for name, each in heights.items():
+    start, last = each.precursors[0].start, each.slides[0].start
+    half = [event.reach for event in each.precursors if event.start <= 0.5 * (start + last)]
+    numbers |= {
+        f"pushed at {name} mm: static coefficient": each.slides[0].force / each.load,
+        f"pushed at {name} mm: first length l_0": (each.precursors[0].reach, "m"),
+        f"pushed at {name} mm: longest event over L, first half of the time": max(half) / each.length,
+    }
+numbers["whole slides, pushed at 2.1 mm"] = len(base.slides)
+save_numbers(out, numbers)
 slope, spread = line_of(heights)
 print(f"l/L = {slope:.2f} F_S/F_N at all heights, within {spread:.0%}, of growing events up to l = 0.5 L")
 for number, event in enumerate(base.slides, 1):

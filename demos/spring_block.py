@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import read_case
-from ruptfx.app.script import begin, save
+from ruptfx.app.script import begin, save, save_numbers
 from ruptfx.lumped import simulate
 from ruptfx.results.figure_style import GUIDE, new_figure, remark, styled
 
@@ -40,6 +40,14 @@ for name, data in (("soft", soft), ("stiff", stiff)):
     print(f"  slow fronts before sliding: {int(data.slow_fronts)}")
     print(f"  fast fronts: {float(data.fast_front_speed):.2f} of the chain's wave speed")
     print(f"  stress kept by the slider through the first large event: {100 * float(data.retained_stress):.0f} %")
+
+numbers = {}
+for name, data in (("soft", soft), ("stiff", stiff)):
+    reach = data.event_reach.values.astype(int)[data.event_blocks.values > 2]
+    until = int(np.argmax(reach == data.sizes["block"])) + 1
+    numbers[f"{name} interface: last blocks of events of 3 blocks or more, until one is the last of all"] = ", ".join(
+        map(str, reach[:until])
+    )
 
 # %% [markdown]
 # The soft interface has slow fronts: blocks that detach one by one, hundreds of times slower than the fronts within an
@@ -107,4 +115,5 @@ def picture():
 
 
 save(picture(), out / "front_speed.png")
+save_numbers(out, numbers)
 print(f"figures in {out}")

@@ -115,8 +115,25 @@ for fraction, slip in zip(loading.fraction.values, loading.irreversible.values, 
     print(f"loaded to {fraction:g} of the static force: irreversible slip {1e6 * slip:.2g} um")
     numbers[f"irreversible slip at {fraction:g}"] = (slip, "m")
 resonance = run("frequency_response", **elastic, experiment={"kind": "frequency_response", "loss_tangent": 1 / 19})
-print(f"resonance {float(resonance.resonance):.0f} 1/s, quality {float(resonance.quality):.1f} (measured: 761, 19)")
-numbers |= {"resonance": (float(resonance.resonance), "1/s"), "quality": float(resonance.quality)}
+print(f"resonance {float(resonance.resonance):.0f} Hz, quality {float(resonance.quality):.1f} (measured: 761, 19)")
+numbers |= {"resonance": (float(resonance.resonance), "Hz"), "quality": float(resonance.quality)}
+
+# %% [markdown]
+# ## Temperature
+#
+# With a shift factor a_T of the contact time, friction at all temperatures lies on one curve over the time divided by
+# a_T: it rises by b ln(1/a_T) between two of them. The source prints no constants; C_1 and C_2 are our choice.
+
+# %%
+thermal = {"kind": "rate_and_state_thermal", "T_0": 293.0, "temperature_initial": 293.0, "C_1": 8.0, "C_2": 100.0}
+heat = run("temperatures", stiffness=1e7, friction={**pmma, **thermal},
+           experiment={"kind": "temperatures", "temperatures": [293.0, 323.0, 353.0]})  # fmt: skip
+rise = (heat.static_friction - heat.static_friction[0]).mean("hold")
+for temperature, by_run, shift in zip(heat.temperature.values[1:], rise.values[1:], heat.shift_factor.values[1:],
+                                      strict=True):  # fmt: skip
+    by_law = -pmma["b"] * np.log(shift)
+    print(f"{temperature:g} K: static friction higher by {by_run:.4f}, b ln(1/a_T) = {by_law:.4f}")
+    numbers |= {f"{temperature:g} K: rise of static friction": by_run, f"{temperature:g} K: b ln(1/a_T)": by_law}
 
 # %% [markdown]
 # ## A trembling normal load

@@ -68,7 +68,7 @@ def pressed_unevenly():
             lines = (stress["xy"], stress["xx"], stress["yy"])
             for ax, values in zip(axes[:3, column], lines, strict=True):
                 ax.plot(1e3 * found.position, 1e-6 * values, style, color="black", lw=0.9)
-            label = "mu_s = 0.85" if style == "-" else "rough"
+            label = r"$\mu_s$ = 0.85" if style == "-" else "rough"
             axes[3, column].plot(1e3 * found.position, ratio(stress), style, color="black", lw=0.9, label=label)
             axes[3, column].step(1e3 * found.position, found.static, style, color="#b03a8a", lw=0.6, where="mid")
             place = (found.origin, *LEFT_FRONT)[column]
@@ -86,7 +86,7 @@ def pressed_unevenly():
         ax.set_ylim(*limits)
     for ax in axes[3]:
         ax.set_xlabel("x from the middle (mm)")
-    axes[3, 0].legend(fontsize=6, loc="lower right")
+    axes[3, 0].legend(fontsize=6, loc="lower center")
     letter(axes.ravel())
     remark(figure, "Full: one static coefficient; dashed: rough. Blue: left front; pink: static coefficient.")
     return figure
@@ -102,7 +102,7 @@ def pressed_evenly():
         stress.plot(1e3 * even.position, ratio(rough_values), "--", color=f"C{number}", lw=0.6)
     stress.set(xlabel="x from the middle (mm)", ylabel=r"$\tau/\sigma$", ylim=(-0.4, 1.1))
     stress.legend(fontsize=6)
-    for name, marker, label in (("even", "o", "mu_s = 0.85"), ("even_rough", "x", "rough")):
+    for name, marker, label in (("even", "o", r"$\mu_s$ = 0.85"), ("even_rough", "x", "rough")):
         arrival.plot(1e3 * onsets[name].position, 1e3 * onsets[name].arrival, marker, ms=2.5, label=label)
     arrival.set(xlabel="x from the middle (mm)", ylabel="First slip (ms)")
     arrival.legend(fontsize=6)

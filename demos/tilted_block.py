@@ -86,7 +86,7 @@ def maps():
         right.set(facecolor="0.8", ylabel="x (mm)", ylim=(0, 1e3 * mesh.length))
     for ax in axes[-1]:
         ax.set_xlabel("Time (ms)")
-    figure.colorbar(shown, ax=list(axes[:, 1]), label="Slip rate of what touches (mm/s)", extend="max", shrink=0.6)
+    figure.colorbar(shown, ax=list(axes[:, 1]), label="Slip rate in contact (mm/s)", extend="max", shrink=0.6)
     letter(axes.ravel())
     remark(figure, "Grey: no contact. The plate moves from 200 ms on.")
     return figure

@@ -362,7 +362,7 @@ COMMANDS = (
     Command("spring_slider.py", {
         **{f"slider_{name}": f"{name}/figures/{name}" for name in (
             "slide_hold_slide", "stability", "stick_slip", "loading_unloading", "frequency_response", "modulated_load",
-            "modulated_speed")},
+            "modulated_speed", "temperatures")},
         "slider_bifurcation": "bifurcation_rate_and_state_saturating/figures/bifurcation",
     }),
     Command("lecture_cases.py", {"lecture_cases": "modes"}),

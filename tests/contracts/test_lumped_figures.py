@@ -79,6 +79,8 @@ def modulated_speed() -> None:
     (ax,) = slider.modulated_speed(data).axes
     loops = [(data.drive_speed, loop) for loop in data.friction.transpose("period", "phase")]
     shows(ax, *loops, (data.drive_speed[order], data.steady_friction[order]))
+    ax.figure.draw_without_rendering()
+    assert ax.get_legend().get_window_extent().x0 > ax.get_window_extent().x1  # beside the loops
 
 
 def modulated_load() -> None:
@@ -147,7 +149,8 @@ def frequency_response() -> None:
     shows(top, (data.frequency, data.compliance))
     shows(bottom, (data.frequency, np.degrees(data.phase)))
     assert top.lines[-1].get_xdata()[0] == float(data.resonance)
-    assert top.get_title(loc="left") == f"{float(data.resonance):.4g} 1/s, Q = {float(data.quality):.3g}"
+    assert top.get_title(loc="left") == f"{float(data.resonance):.4g} Hz, Q = {float(data.quality):.3g}"
+    assert bottom.get_xlabel() == "Frequency (Hz)"
 
 
 def temperatures() -> None:
@@ -161,6 +164,8 @@ def temperatures() -> None:
     shows(right, *((row.reduced_time, row.static_friction) for row in rows))
     labels = [text.get_text() for text in left.get_legend().get_texts()]
     assert labels == [f"{float(row.temperature):g} K" for row in rows]
+    even = data.assign(ageing_slope=0 * data.ageing_slope + 0.025)
+    assert slider.temperatures(even).axes[1].get_ylim()[1] > 0.026  # points apart from the frame
 
 
 def fit() -> None:

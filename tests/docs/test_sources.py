@@ -18,9 +18,6 @@ CHECKOUT = Path(__file__).parents[2]
 DOCS = CHECKOUT / "docs"
 AGREES = ("yes", "in part", "no", "not done")
 ROWS = [pytest.param(row, id=f"{name}-{number}") for name, rows in sources().items() for number, row in enumerate(rows)]
-# Rows of the other documents have numbers of tests and of papers in their text.
-SAVED = [pytest.param(row, id=f"{name}-{number}") for name in ("lecture", "rough_interfaces", "slow_friction")
-         for number, row in enumerate(sources()[name])]  # fmt: skip
 
 
 @pytest.mark.parametrize("row", ROWS)
@@ -37,7 +34,7 @@ def test_a_row_has_a_command_that_exists_or_says_what_is_missing(row: Row) -> No
     assert not row.picture or (DOCS / row.picture).is_file()
 
 
-@pytest.mark.parametrize("row", SAVED)
+@pytest.mark.parametrize("row", ROWS)
 def test_a_number_of_a_row_is_saved_by_a_run(row: Row) -> None:
     """Text has no digits of its own: numbers are names of saved ones, or inputs and formulas in backticks."""
     numbers = json.loads((DOCS / "pictures" / "numbers.json").read_text(encoding="utf-8"))

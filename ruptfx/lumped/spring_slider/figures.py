@@ -88,7 +88,7 @@ def modulated_speed(dataset: xarray.Dataset) -> Figure:
             )
     ax.plot(speed[order], dataset.steady_friction.values[order], "k:", label="steady")
     ax.set(xscale="log", xlabel="Drive speed (µm/s)", ylabel="Friction coefficient")
-    ax.legend(title="period", title_fontsize=7, loc="lower left")
+    ax.legend(title="period", title_fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))  # loops fill the axes
     return figure
 
 
@@ -241,10 +241,10 @@ def frequency_response(dataset: xarray.Dataset) -> Figure:
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     top.plot(dataset.frequency, dataset.compliance * 1e6, color=STICK_SLIP)
     top.axvline(float(dataset.resonance), color="0.4", linestyle=":", linewidth=0.8)
-    top.set_title(f"{float(dataset.resonance):.4g} 1/s, Q = {float(dataset.quality):.3g}", fontsize=7, loc="left")
+    top.set_title(f"{float(dataset.resonance):.4g} Hz, Q = {float(dataset.quality):.3g}", fontsize=7, loc="left")
     top.set(yscale="log", ylabel="Displacement over force (µm/N)")
     bottom.plot(dataset.frequency, np.degrees(dataset.phase), color=STEADY)
-    bottom.set(xscale="log", xlabel="Frequency (1/s)", ylabel="Phase (degrees)")
+    bottom.set(xscale="log", xlabel="Frequency (Hz)", ylabel="Phase (degrees)")
     return figure
 
 
@@ -261,7 +261,8 @@ def temperatures(dataset: xarray.Dataset) -> Figure:
     axes[0].set(xscale="log", xlabel="Contact time (s)", ylabel="Static friction coefficient")
     axes[0].legend()
     axes[1].plot(dataset.temperature, dataset.ageing_slope, "o-", color=STEADY)
-    axes[1].set(xlabel="Temperature (K)", ylabel="Slope of static friction per e-fold", ylim=(0, None))
+    axes[1].set(xlabel="Temperature (K)", ylabel="Slope of static friction per e-fold")
+    axes[1].set_ylim(0, 1.2 * float(dataset.ageing_slope.max()))
     axes[2].set(xscale="log", xlabel="Contact time over shift factor (s)", ylabel="Static friction coefficient")
     letter(axes)
     return figure
