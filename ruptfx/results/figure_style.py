@@ -205,14 +205,6 @@ def note(ax: Axes, text: str) -> None:
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=MUTED, backgroundcolor="white")
 
 
-def empty_figure(text: str, x: str, y: str) -> Figure:
-    """Return a small panel with these labels and the reason why it is empty."""
-    figure, axes = new_figure(1, 1, 2.0, WIDTH / 2)
-    axes[0, 0].set(xlabel=x, ylabel=y)
-    note(axes[0, 0], text)
-    return figure
-
-
 def remark(figure: Figure, *texts: str) -> None:
     """Write remarks that are needed to read the figure, in small type below it."""
     if any(texts):

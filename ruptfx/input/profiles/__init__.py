@@ -123,6 +123,12 @@ class Profile(Alternative):
         )
 
 
+def with_units(values: object, info: ValidationInfo, units: Mapping[str, str]) -> object:
+    """Return the keys of a profile, those with profiles inside of it by `with_unit`; `units` has the unit of each."""
+    assert isinstance(values, dict)
+    return {key: with_unit(item, info, units[key], key) if key in units else item for key, item in values.items()}
+
+
 def with_unit(value: object, info: ValidationInfo, unit: str, *at: str | int) -> object:
     """Return the table of a profile with texts as numbers in the unit of its key, and with numbers of files.
 

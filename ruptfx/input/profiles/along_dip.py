@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import ValidationInfo
 
-from ruptfx.input.profiles import AnyProfile, Profile, with_unit
+from ruptfx.input.profiles import AnyProfile, Profile, with_units
 
 
 class AlongDip(Profile):
@@ -26,8 +26,7 @@ class AlongDip(Profile):
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
-        assert isinstance(values, dict)
-        return {key: with_unit(item, info, unit, key) if key == "profile" else item for key, item in values.items()}
+        return with_units(values, info, {"profile": unit})
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.profile.over(position[:, 1])

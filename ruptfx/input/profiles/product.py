@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import ValidationInfo
 
-from ruptfx.input.profiles import NumberOrProfile, Profile, ValueOrProfile, evaluate, in_body, with_unit
+from ruptfx.input.profiles import NumberOrProfile, Profile, ValueOrProfile, evaluate, in_body, with_units
 
 
 class Product(Profile):
@@ -23,9 +23,7 @@ class Product(Profile):
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
-        assert isinstance(values, dict)
-        units = {"value": unit, "factor": "1"}
-        return {key: with_unit(item, info, units[key], key) if key in units else item for key, item in values.items()}
+        return with_units(values, info, {"value": unit, "factor": "1"})
 
     def over(self, places: np.ndarray) -> np.ndarray:
         return evaluate(self.value, places) * evaluate(self.factor, places)

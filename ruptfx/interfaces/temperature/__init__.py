@@ -5,31 +5,14 @@ Several entries add up. Friction laws with the state `temperature` read it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
-from ruptfx.input.schema import Alternative, alternative
-
-if TYPE_CHECKING:
-    from ruptfx.interfaces.faults.fields import Contribution
-    from ruptfx.interfaces.faults.interface import Interface
-    from ruptfx.interfaces.mechanisms.system import System
+from ruptfx.input.schema import alternative
+from ruptfx.interfaces.faults.field_table import FieldTable
 
 
-class Temperature(Alternative):
+class Temperature(FieldTable):
     """Contract of a temperature."""
-
-    source: ClassVar[str] = ""
-    """Publication of the equations."""
-
-    def bind(self, model: System, face: Interface, key: str) -> Contribution:
-        """Return its contribution to the fields of an interface; its profiles are evaluated at the points; collective.
-
-        Raises
-        ------
-        CaseError
-            On all ranks.
-        """
-        raise NotImplementedError
 
 
 if TYPE_CHECKING:

@@ -1,0 +1,29 @@
+"""The contract of pore pressures and temperatures of an interface, as tables of a case."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from ruptfx.input.schema import Alternative
+
+if TYPE_CHECKING:
+    from ruptfx.interfaces.faults.fields import Contribution
+    from ruptfx.interfaces.faults.interface import Interface
+    from ruptfx.interfaces.mechanisms.system import System
+
+
+class FieldTable(Alternative):
+    """A contribution to a field of an interface."""
+
+    source: ClassVar[str] = ""
+    """Publication of the equations."""
+
+    def bind(self, model: System, face: Interface, key: str) -> Contribution:
+        """Return its contribution to the fields of an interface; its profiles are evaluated at the points; collective.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        raise NotImplementedError
