@@ -76,11 +76,9 @@ def no_figure_is_left_open(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture
 def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures are written without contents, which take most of the time of commands whose files are the test."""
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
+    from helpers.blank import leave_blank
 
-    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: None)
-    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda engine, figure: None)
+    leave_blank(monkeypatch)
 
 
 @pytest.fixture(scope="session")
