@@ -22,19 +22,21 @@ INLINE void gather(const long *plus, const long *minus, const double *displaceme
         }
 }
 
-// Nodes are far apart in memory: those of the next block are asked for in advance.
-INLINE void ask(const long *plus, const long *minus, const double *displacement, const double *velocity,
+// Nodes are far apart in memory: processors read those of the next block while this one is computed.
+INLINE void prefetch(const long *plus, const long *minus, const double *displacement, const double *velocity,
                 const double *force)
 {
     for (int l = 0; l < LANES; l++) {
-        const double *const wanted[] = {
+        const double *const addresses[] = {
             displacement + plus[l], velocity + plus[l], force + plus[l],
             displacement + minus[l], velocity + minus[l], force + minus[l],
         };
-        for (int i = 0; i < (ONE_SIDED ? 3 : 6); i++) __builtin_prefetch(wanted[i]);
+        for (int i = 0; i < (ONE_SIDED ? 3 : 6); i++) __builtin_prefetch(addresses[i]);
     }
 }
 
+// Velocities change by the traction beyond the initial one, with which the bodies begin in equilibrium. Lanes compute and single
+// points write, because nodes of neighbouring points are not neighbours in memory.
 INLINE void push(int count, double kick, const long *plus, const long *minus, const struct points *points,
                  double *velocity, double *force)
 {
@@ -66,19 +68,19 @@ void update(long n, const struct times *times, const long *plus, const long *min
             double *result)
 {
     lanes dissipated = {0};
-    double fractured = 0, met = 0;
+    double fractured = 0, contact_loss = 0;
     result[1] = -1;
     for (long first = 0; first < n; first += LANES) {
         struct points points;
         const int count = n - first < LANES ? (int)(n - first) : LANES;
         points.fixed = (const lanes *)(fixed + first * FIXED_COUNT);
-        if (first + LANES < n) ask(plus + first + LANES, minus + first + LANES, displacement, velocity, force);
+        if (first + LANES < n) prefetch(plus + first + LANES, minus + first + LANES, displacement, velocity, force);
         load(first, count, field, &points);
         gather(plus + first, minus + first, displacement, velocity, &points);
         point(times, number, &points);
         if (failed(first, count, &points, result)) return;
         write_back(count, times, number, &points, dissipated);
-        for (int l = 0; l < LANES; l++) met += points.met[l];
+        for (int l = 0; l < LANES; l++) contact_loss += points.contact_loss[l];
 #if BONDED
         for (int l = 0; l < LANES; l++) fractured += points.fractured[l];
 #endif
@@ -87,5 +89,5 @@ void update(long n, const struct times *times, const long *plus, const long *min
     }
     result[0] = 0;
     for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
-    result[6] = fractured, result[7] = met;
+    result[6] = fractured, result[7] = contact_loss;
 }

@@ -88,6 +88,8 @@ class FaultStep:
             "shear_impedance": [symbol(f"FIXED(shear_impedance + {k})") for k in tangents],
         }
         self._library = self._code.compile("fault_step", self.sources, known)
+        # Points that depend on their neighbours are solved together, after all others, from fields that `keep` has
+        # copied: the vectorised step computes them, too, without effect on the bodies, as its blocks have no gaps.
         self._coupled: HeldPoints | None = None
         if len(index):
             code = PointCode(fault, law, columns | coupling_columns(face, inverse_mass, clock.kick))
@@ -138,6 +140,7 @@ class FaultStep:
         face, (tension_old, opening_old) = self.fault.interface, self._held
         tension, opening = np.maximum(-state["normal_stress"], 0.0), state["opening"]
         rate, _ = face.split(face.rate(velocity))
+        # The velocities before and after the kick are half a step from the tension, so that their mean is at its time.
         work = 0.5 * tension * (rate_old + rate) * self.clock.kick
         kept = 0.5 * (tension * opening - tension_old * opening_old)
         return shear + float((face.owned * face.weight) @ (work - kept))
@@ -192,6 +195,7 @@ class FaultStep:
         if fault.contact.traction_ends_slip:
             rates = fault.prescribed.mean_rate(time, slip, since)
         else:
+            # The slip of the state is one step behind, and this kick decides the rate until time + dt.
             rates = fault.prescribed.mean_rate(time + self.clock.dt, slip + since * rate, self.clock.dt)
         self._code.put("prescribed_rate", rates)
         if self._coupled is not None:

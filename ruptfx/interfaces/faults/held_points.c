@@ -133,7 +133,7 @@ void update_held(long n, const long *index, const double *kept, const struct tim
         coupled_point(times, number, &points);
         if (failed(first, count, &points, result)) return;
         write_back(count, times, number, &points, dissipated);
-        for (int l = 0; l < count; l++) result[7] += points.met[l];
+        for (int l = 0; l < count; l++) result[7] += points.contact_loss[l];
 #if BONDED
         for (int l = 0; l < count; l++) result[6] += points.fractured[l];
 #endif

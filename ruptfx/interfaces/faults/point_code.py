@@ -206,7 +206,7 @@ class PointCode:
                 **{f"points->trial_shear[{k}][l]": trial.shear_traction[k] for k in tangents},
                 **{f"points->z[{k}][l]": trial.impedance[k] for k in tangents},
             },
-            "DISSIPATED": {"taken": result},
+            "DISSIPATED": {"dissipation": result},
             "MONITORS": {f"NEW({m.name})": m.update(symbol(f"OLD({m.name})"), at) for m in MONITORS},
         }  # fmt: skip
 

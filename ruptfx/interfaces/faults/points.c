@@ -27,7 +27,8 @@ enum { BEGUN_PLACES };  // of the state of the law, known when the step begins
 
 typedef double lanes[LANES];
 
-// kick: how long the traction acts; since: time since the one before; carried: of the slip rate before in that now.
+// kick: duration for which the traction acts [s]; since: time since the traction before; carried: weight of the mean slip rate
+// of the previous step in the slip rate at the traction; extrapolation: part of a step from the middle of a step to the traction.
 struct times { double dt, kick, since, extrapolation, carried, threshold, time; };
 
 struct points {
@@ -41,7 +42,7 @@ struct points {
     lanes sigma, rate, low, high, direction[TANGENTS], goes_on;  // normal stress, and V as an `Iterate`
     lanes strength, slope, stress_slope, before_slope;  // at V, and its derivatives, for implicit steps
     lanes change[LOCAL];                         // traction beyond the initial one
-    lanes met;                                   // energy lost by contact that opens or closes within the step [J]
+    lanes contact_loss;                          // energy lost by contact that opens or closes within the step [J]
 #if BONDED
     lanes tension, bond;                         // strengths that cohesion has left, in tension and shear beyond friction
     lanes fractured;                             // energy it took [J]
@@ -59,14 +60,14 @@ struct points {
         carried = times->carried, threshold = times->threshold, time = times->time; \
     (void)dt; (void)kick; (void)since; (void)extrapolation; (void)carried; (void)threshold; (void)time;
 #if BONDED
-#define TOGETHER(normal_stress) ((normal_stress) > 0 || IS_HELD || points->tension[l] > 0 || points->bond[l] > 0)
+#define IS_CLOSED(normal_stress) ((normal_stress) > 0 || IS_HELD || points->tension[l] > 0 || points->bond[l] > 0)
 #else
-#define TOGETHER(normal_stress) ((normal_stress) > 0 || IS_HELD)
+#define IS_CLOSED(normal_stress) ((normal_stress) > 0 || IS_HELD)
 #endif
 
 #if BONDED
 // Cohesion at a known opening and slip, and with it the normal stress (cohesive_interface.py).
-INLINE void hold(const struct times *times, const double *number, struct points *points)
+INLINE void update_cohesion(const struct times *times, const double *number, struct points *points)
 {
     UNPACK_TIMES
     EACH_LANE { double damage; DAMAGE NEW(damage) = damage; }
@@ -74,13 +75,14 @@ INLINE void hold(const struct times *times, const double *number, struct points 
 }
 
 // Cohesion at `points->damage`, and with it the normal stress, of which opening follows.
-INLINE void hold_damaged(const double *number, struct points *points)
+INLINE void apply_damage(const double *number, struct points *points)
 {
     EACH_LANE { COHESIVE_STRENGTH }
     EACH_LANE { OPENED }
 }
 
-// The next damages to try; whether there is a point that has to.
+// Set the next trial damages, and return whether a point needs one. Points search one by one, because the branches of false
+// position differ between them; those that have converged keep their damage.
 INLINE int search_damages(const struct times *times, const double *number, struct points *points, struct damage_search *at)
 {
     UNPACK_TIMES
@@ -105,12 +107,15 @@ INLINE void project(const struct times *times, const double *number, struct poin
 {
     UNPACK_TIMES
     lanes begun[BEGUN_COUNT + 1], at_rest;
+    // A loop for each formula, which compilers vectorise; `points` keeps what the later ones need.
     EACH_LANE { SHIFTED_TRIAL }
     EACH_LANE { BEGIN }
     EACH_LANE { STRENGTH_AT_REST }
     EACH_LANE { FIRST_ITERATE }
-    double any = 0;
+    double any = 0;  // a double like the values beside it, so that its sum over lanes is a vector, too
     for (int l = 0; l < LANES; l++) any += points->goes_on[l];
+    // A block iterates until its last point has converged; NEXT_ITERATE leaves the others as they are, so that the result of a
+    // point does not depend on the points that share its block, and with it not on the number of ranks.
     for (int iteration = 0; any > 0 && iteration < MAX_ITERATIONS; iteration++) {
         const int bisects = iteration % BISECT_EVERY == BISECT_EVERY - 1;
         any = 0;
@@ -122,6 +127,7 @@ INLINE void project(const struct times *times, const double *number, struct poin
             any += points->goes_on[l];
         }
     }
+    // Not a number in place of an error: the block is completed without branches, and `failed` looks at it once.
     EACH_LANE points->rate[l] = points->goes_on[l] != 0 ? (double)NAN : points->rate[l];
     EACH_LANE { SLIDING }
 }
@@ -135,16 +141,17 @@ INLINE void point(const struct times *times, const double *number, struct points
         TRIAL
     }
 #if BONDED && AT_END
-    // Opening and slip of the step follow from its tractions, and so does the damage.
+    // Opening and slip of the step follow from its tractions, and damage from both, so that it is sought. The first trial is the
+    // present damage, which is the result of most points: damage does not heal, and most do not break in a step.
     struct damage_search at[LANES];
     for (int l = 0; l < LANES; l++) at[l] = (struct damage_search){.now = points->damage[l] = OLD(damage)};
     do {
-        hold_damaged(number, points);
+        apply_damage(number, points);
         project(times, number, points);
     } while (search_damages(times, number, points, at));
 #else
 #if BONDED
-    hold(times, number, points);
+    update_cohesion(times, number, points);
 #endif
     project(times, number, points);
 #endif
@@ -154,19 +161,20 @@ INLINE void point(const struct times *times, const double *number, struct points
 INLINE void write_back(int count, const struct times *times, const double *number, struct points *points, lanes dissipated)
 {
     UNPACK_TIMES
+    // Where slip ends with the traction, mean tractions work over the step; else the traction acts for the time of its kick.
     const double duration = AT_END ? since : kick;
     EACH_LANE {
         { WRITE_BACK }
         const double normal_stress = points->sigma[l], speed_then = points->speed_then[l];
-        const int closed = TOGETHER(normal_stress), held = IS_HELD;
+        const int closed = IS_CLOSED(normal_stress), held = IS_HELD;
         double power = 0, square = 0, whole = 0;
         EACH_TANGENT {
             // Bodies start from rest, also where the interface creeps.
             const double rate_old = since > 0 ? OLD(mean_slip_rate + k) : 0, traction_old = OLD(shear_traction + k);
             const double rate = NEW(mean_slip_rate + k), traction = NEW(shear_traction + k);
-            double taken;
+            double dissipation;
             DISSIPATED
-            power += taken;
+            power += dissipation;
             square += NEW(slip_rate + k) * NEW(slip_rate + k);
             whole += traction * traction;
         }
@@ -175,7 +183,7 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
         (void)whole, (void)normal_stress_then, (void)has_strength, (void)held;
 #if BONDED && AT_END
         // Mean tractions work between those before and now; cohesion carries its share of both.
-        double cohesion, before = 0, broken = 0;
+        double cohesion, before = 0, cohesive_power = 0;
         { COHESION_BEFORE }
         EACH_TANGENT before += OLD(shear_traction + k) * OLD(shear_traction + k);
         const double share_old = cohesive_share(cohesion, sqrt(before)), share_now = cohesive_share(points->bond[l], sqrt(whole));
@@ -183,28 +191,30 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
             const double rate_old = since > 0 ? OLD(mean_slip_rate + k) : 0, rate = NEW(mean_slip_rate + k);
             const double traction_old = share_old * OLD(shear_traction + k);
             const double traction = share_now * NEW(shear_traction + k);
-            double taken;
+            double dissipation;
             (void)rate_old, (void)traction_old;
             DISSIPATED
-            broken += taken;
+            cohesive_power += dissipation;
         }
-        power -= broken;
+        power -= cohesive_power;
         // What is elastic, along the secant to the origin too, is stored.
+        // Differences from zero, as a plain minus sign makes minus zero of no stress.
         const double pull_old = 0 - OLD(normal_stress), pull = 0 - normal_stress;
-        const double opened = 0.5 * (pull_old + pull) * (NEW(opening) - OLD(opening));
-        const double kept = 0.5 * ((pull > 0 ? pull * NEW(opening) : 0) - (pull_old > 0 ? pull_old * OLD(opening) : 0));
+        const double opening_work = 0.5 * (pull_old + pull) * (NEW(opening) - OLD(opening));
+        const double stored = 0.5 * ((pull > 0 ? pull * NEW(opening) : 0) - (pull_old > 0 ? pull_old * OLD(opening) : 0));
         const int pressed = pull_old < 0 || pull < 0;
+        // Of points that this rank owns, each once: those of other ranks have no owned area, and fillers of a block do not count.
         const double area = l < count ? FIXED(owned_area) : 0;
-        points->fractured[l] = area * (broken * duration + (pressed ? 0 : opened - kept));
-        points->met[l] = area * (pressed ? opened - kept : 0);
+        points->fractured[l] = area * (cohesive_power * duration + (pressed ? 0 : opening_work - stored));
+        points->contact_loss[l] = area * (pressed ? opening_work - stored : 0);
 #elif BONDED
         const double part = cohesive_share(points->bond[l], sqrt(whole));
         points->fractured[l] = l < count ? FIXED(owned_area) * part * power * duration : 0;
-        points->met[l] = 0;
+        points->contact_loss[l] = 0;
         power -= part * power;
 #else
         const double mean_stress = AT_END ? 0.5 * (OLD(normal_stress) + normal_stress) : 0;
-        points->met[l] = l < count ? FIXED(owned_area) * mean_stress * (OLD(opening) - NEW(opening)) : 0;
+        points->contact_loss[l] = l < count ? FIXED(owned_area) * mean_stress * (OLD(opening) - NEW(opening)) : 0;
 #endif
         dissipated[l] += l < count ? FIXED(owned_area) * power * duration : 0;
         (void)speed, (void)speed_then;
@@ -233,10 +243,10 @@ INLINE int failed(long first, int count, const struct points *points, double *re
 {
     for (int l = 0; l < count; l++) {
         if (isfinite(points->rate[l])) continue;
-        const double found[] = {
+        const double values[] = {
             0, first + l, points->trial_normal[l], points->size[l], points->z[0][l], points->speed_then[l],
         };
-        memcpy(result, found, sizeof found);
+        memcpy(result, values, sizeof values);
         return 1;
     }
     return 0;

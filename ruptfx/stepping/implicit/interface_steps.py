@@ -208,6 +208,7 @@ class DeferredBodies:
         driven = base_jump - expected
         for path, part in self._steps.grown(self._carried.since, step.time):
             driven += part * path.answer(compliance)[1]
+        # Responses are those of bodies with sticking interfaces, from whose tractions the others differ.
         sticking = blockwise_product(compliance.stuck, expected - base_jump)
         driven -= compliance.jumps_under(traction_change(begin.value, points.base_traction, sticking))
         forces, self._least = self._steps.sizes(step, expected)
@@ -263,6 +264,7 @@ class InterfaceSteps:
 
     def begin(self, state: State) -> None:
         """Begin steps on the interfaces with a state in equilibrium; collective."""
+        # The energies of the bodies are not known in these steps: sums contain what follows from the interfaces alone.
         self._leave_out(state, 1.0)
         traction = self._equilibrium.forces.tractions(state)
         Carried(state.displacement.copy(), state.time, state.time, {

@@ -2,10 +2,10 @@
 // tangent and all fields. points.c is in front of this file.
 
 // Rows of an array as lanes; the last point stands in for those that are missing.
-INLINE void take(long first, int count, const double *rows, int width, lanes *taken)
+INLINE void load_rows(long first, int count, const double *rows, int width, lanes *lanes_of_rows)
 {
     for (int k = 0; k < width; k++)
-        for (int l = 0; l < LANES; l++) taken[k][l] = rows[(first + (l < count ? l : count - 1)) * width + k];
+        for (int l = 0; l < LANES; l++) lanes_of_rows[k][l] = rows[(first + (l < count ? l : count - 1)) * width + k];
 }
 
 // dT / d[u] of the step that `point` has made; every row of `tangent` is a component of T and of [u] (point_code.py).
@@ -31,11 +31,11 @@ void respond(long n, const struct times *times, const double *jump, const double
         const int count = n - first < LANES ? (int)(n - first) : LANES;
         points.fixed = (const lanes *)(fixed + first * FIXED_COUNT);
         load(first, count, old, &points);
-        take(first, count, jump, LOCAL, points.jump);
-        take(first, count, multiplier, 1 + TANGENTS, points.multiplier);
-        take(first, count, body_stiffness, 1, &points.body_stiffness);
-        take(first, count, radiation, 1, &points.radiation);
-        take(first, count, near, 1, &points.near);
+        load_rows(first, count, jump, LOCAL, points.jump);
+        load_rows(first, count, multiplier, 1 + TANGENTS, points.multiplier);
+        load_rows(first, count, body_stiffness, 1, &points.body_stiffness);
+        load_rows(first, count, radiation, 1, &points.radiation);
+        load_rows(first, count, near, 1, &points.near);
         point(times, number, &points);
         if (failed(first, count, &points, result)) return;
         write_back(count, times, number, &points, dissipated);

@@ -139,6 +139,7 @@ class SurfaceStiffness:
         self.surfaces, nodal = surfaces, (-1, surfaces.local)
         own = tangent.diagonal + factors[0] * model.mass
         self.free = surfaces.gather(model.loads.prescribed.reshape(nodal)).ravel() == 0
+        # Springs at the nodes of interfaces, which D has not: factors exist also where only interfaces support a body.
         springs = surfaces.gather(own.reshape(nodal))
         tangent.update(*factors, {}, driven=tangent.unit, springs=surfaces.force(springs, len(own)))
         self.factors = Factors(model, tangent)
@@ -146,6 +147,7 @@ class SurfaceStiffness:
         free, size = self.free, surfaces.points * surfaces.local
         compliance = blocks.transpose(2, 0, 3, 1).reshape(size, size)[np.ix_(free, free)]
         self.springs = springs.ravel()[free]
+        # The mean with its transpose, because the responses are symmetric up to the rounding of the solver only.
         self.stiffness = inv(0.5 * (compliance + compliance.T), overwrite_a=True, check_finite=False)
         self.stiffness[np.diag_indices_from(self.stiffness)] -= self.springs
 
@@ -189,6 +191,7 @@ class PairedCompliance(Influence):
         there = surfaces.gather(force.reshape(-1, surfaces.local))
         beside = force - surfaces.force(there, len(force))
         begun, moved, acting = force, np.zeros_like(force), there.ravel()[bodies.free]
+        # Forces at other nodes act on the interfaces by their displacement; without such forces one solution is saved.
         if norm(bodies.factors.model, beside) > small:
             begun, moved = np.zeros_like(force), bodies.factors.solve(force)
             v = surfaces.gather(moved.reshape(-1, surfaces.local)).ravel()[bodies.free]

@@ -94,6 +94,7 @@ class Tangent:
         between = [reaction.between() for reaction in reactions]
         elements = [each for reaction in reactions for each in reaction.elements()]
         added = [*(reaction.stiffness for reaction in reactions), *between, *(each.moduli for each in elements)]
+        # Assembly and factors cost more than the rest of a step, and steps of stuck interfaces have equal blocks.
         same = (
             self._built is not None
             and self._built[0] == (c_M, c_C)
@@ -123,7 +124,9 @@ class Tangent:
         for each in elements:
             _add_in_elements(matrix, each)
         matrix.assemble()
+        # Columns, too: the matrix remains symmetric, and residuals of other rows contain the driven motion already.
         matrix.zeroRowsColumns(self._given_rows, diag=driven)
+        # Friction lets shear tractions depend on the opening; normal tractions do not depend on slip.
         skew = any(np.any(block[:, 1:, 0]) for block in blocks.values())
         skew = skew or any(np.any(block != np.swapaxes(block, -2, -1)) for block in added)
         return not parallel.anywhere(model.comm, skew)
