@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ruptfx.input.schema import alternative
-from ruptfx.interfaces.faults.field_table import FieldTable
+from ruptfx.interfaces.field_table import FieldTable
 
 
 class Temperature(FieldTable):
