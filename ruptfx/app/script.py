@@ -54,7 +54,6 @@ def save(figure: Figure, path: str | Path) -> None:
 
     Parameters
     ----------
-    figure : matplotlib.figure.Figure
     path : str or Path
         Its folder is made if it is missing.
     """

@@ -128,7 +128,6 @@ def read_grid(
 
     Parameters
     ----------
-    path : Path
     variable : str or None
         Its name; None if the file has one only.
     axes : sequence of str

@@ -130,7 +130,6 @@ def read_table(path: Path, is_named: bool = False) -> NumberTable:
 
     Parameters
     ----------
-    path : Path
     is_named : bool
         Whether the first line that is no comment is the header, and all others are rows, also those whose first cell is
         a text.
@@ -418,7 +417,6 @@ def with_units(path: Path, first: str | None = None, others: str | None = None) 
 
     Parameters
     ----------
-    path : Path
     first, others : str, optional
         Unit of which those of the first column and of all others must be multiples; None accepts every known unit.
 
@@ -450,7 +448,6 @@ def two_columns(path: Path, first: str, units: Units, second: str | None = None)
 
     Parameters
     ----------
-    path : Path
     first : str
         `time` or `position`. The header decides which column it is if it names one; otherwise it is the first.
     units : (str, str or None)
@@ -489,7 +486,6 @@ def named_histories(
 
     Parameters
     ----------
-    path : Path
     wanted : mapping of str to (sequence of str, str)
         Names that the header may have for a quantity, in lower case, and its unit. Other columns are ignored.
     only : str, optional

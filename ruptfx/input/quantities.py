@@ -165,7 +165,6 @@ def with_prefix(value: float, unit: str, digits: int = 3) -> str:
 
     Parameters
     ----------
-    value : float
     unit : str
         One that takes prefixes: ``m``, ``s``, ``Pa``, ``m/s``.
     digits : int

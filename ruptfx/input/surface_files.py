@@ -118,7 +118,6 @@ def of_netcdf(path: Path, variable: str | None, unit: str | None) -> SurfaceGrid
 
     Parameters
     ----------
-    path : Path
     variable : str or None
         Its name; None if the file has one only.
     unit : str or None

@@ -100,7 +100,6 @@ def remove_abandoned(folder: Path, age: float = 300.0) -> None:
 
     Parameters
     ----------
-    folder : Path
     age : float
         Time after which nobody compiles a source any more [s].
     """
@@ -266,7 +265,6 @@ def form(expression: ufl.Form, tuned: bool = True) -> Any:
 
     Parameters
     ----------
-    expression : ufl.Form
     tuned : bool
         Compile for this processor; else with the flags that DOLFINx chooses.
 
@@ -298,7 +296,6 @@ def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] |
 
     Parameters
     ----------
-    form : dolfinx.fem.Form
     coupled : ndarray of int, shape (pairs, 2)
         Additional pairs of local nodes with coupled unknowns: zero entries that may be filled later.
     tied : (ndarray, ndarray) of int, optional

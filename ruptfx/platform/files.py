@@ -27,7 +27,6 @@ def require_file(path: Path, most: int | None = None, kind: str = "files with nu
 
     Parameters
     ----------
-    path : Path
     most : int, optional
         Largest size in bytes.
     kind, remedy : str
@@ -86,7 +85,6 @@ def check_unchanged(sums: Sums, run: Path) -> None:
 
     Parameters
     ----------
-    sums : dict
     run : Path
         Directory of what was computed from the files then, for messages.
 

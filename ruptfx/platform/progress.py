@@ -31,7 +31,6 @@ def working(on: str, show: bool = True) -> Iterator[None]:
     ----------
     on : str
         What is being done, such as "building the model".
-    show : bool
     """
     screen = _console()
     if not (show and screen.is_terminal):
@@ -65,12 +64,7 @@ SILENCE = 600.0
 
 
 class Progress:
-    """A bar on a terminal, elsewhere a line every tenth of the work and every ten minutes; a context manager.
-
-    Parameters
-    ----------
-    show : bool
-    """
+    """A bar on a terminal, elsewhere a line every tenth of the work and every ten minutes; a context manager."""
 
     def __init__(self, show: bool = True) -> None:
         self._console = _console()
@@ -97,7 +91,6 @@ class Progress:
         ----------
         fraction : float
             Finished fraction of the work; may decrease when work is added.
-        text : str
         """
         done = min(fraction, 1.0)  # the last step of a run may exceed its duration
         tenth = int(10 * done)

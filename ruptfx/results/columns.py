@@ -30,7 +30,6 @@ class Column:
 
     Parameters
     ----------
-    stored : Stored
     dims : tuple of str
         Names of its axes.
     attrs : mapping, optional
@@ -76,13 +75,7 @@ class Column:
 
 
 class Columns(Mapping[str, Column]):
-    """Arrays by name, with the attributes of the file.
-
-    Parameters
-    ----------
-    columns : dict of Column
-    attrs : dict
-    """
+    """Arrays by name, with the attributes of the file."""
 
     def __init__(self, columns: dict[str, Column], attrs: Mapping[str, Any]) -> None:
         self._columns, self.attrs = columns, attrs

@@ -23,7 +23,6 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
 
     Parameters
     ----------
-    record : Record or Files
     rows : ndarray of int, shape (times,)
         Indices of the saved times.
 
@@ -87,12 +86,7 @@ def _laws(record: Files, name: str) -> Strength | None:
 
 
 def closest_to_slip(record: Files) -> str:
-    """Return how near a run that never slipped came to it, and where; empty where its strength is not known.
-
-    Parameters
-    ----------
-    record : Record or Files
-    """
+    """Return how near a run that never slipped came to it, and where; empty where its strength is not known."""
     data = record.interface
     if "rupture_time" not in data or np.isfinite(data["rupture_time"].values).any():
         return ""

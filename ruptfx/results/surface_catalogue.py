@@ -27,7 +27,6 @@ def surface_catalogue(data: Data, events: Sequence[SurfaceEvent], threshold: flo
     ----------
     data : Dataset
         `Record.interface` of a surface.
-    events : sequence of SurfaceEvent
     threshold : float
         Slip rate of events [m/s].
     """

@@ -74,8 +74,6 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
 
     Parameters
     ----------
-    model : Model
-    motion : Motion
     steps : int or None
         None if their number is unknown; only the first steps are counted then.
     started, built : float

@@ -48,7 +48,6 @@ class Model(System):
 
     Parameters
     ----------
-    case : Case
     comm : MPI communicator
 
     Raises

@@ -48,10 +48,6 @@ def loads_of(model: Model, motion: Motion) -> list[tuple[float, Loads]]:
 class Staged:
     """Stepper of a case through its stages; a fixed step is the smallest that the stages allow.
 
-    Parameters
-    ----------
-    model : Model
-
     Attributes
     ----------
     starts : list of float

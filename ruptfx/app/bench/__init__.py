@@ -168,7 +168,6 @@ def run_benchmark(
 
     Parameters
     ----------
-    name : str
     as_json : bool
         Print the rows as JSON, not as a table.
     fine : bool

@@ -38,7 +38,6 @@ def crack(ratio: float, reach: float, per_zone: float, duration: float, start: f
 
     Parameters
     ----------
-    ratio : S
     reach, duration : length [a_c] and time [a_c / c_s] of the model
     per_zone : nodes in the static process zone
     """

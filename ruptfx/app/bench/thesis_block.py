@@ -104,8 +104,6 @@ class Onset:
 
         Parameters
         ----------
-        case : Case
-        record : Record
         fronts : tuple of float
             Places of the left front [m].
         times : tuple of float

@@ -85,7 +85,6 @@ def table(cls: type[Part], seed: int = 0, law: str | None = None, profiles: bool
 
     Parameters
     ----------
-    cls : type
     seed : int
         Other numbers for other seeds.
     law : str, optional
@@ -162,7 +161,6 @@ def material(kind: str, plain: bool = False) -> Part:
 
     Parameters
     ----------
-    kind : str
     plain : bool
         Set only fields without a default.
     """

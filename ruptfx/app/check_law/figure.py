@@ -105,12 +105,7 @@ def _rest(law: FrictionLaw, sigma: float) -> dict[str, np.ndarray]:
 
 @styled
 def draw_material(material: Material) -> Figure:
-    """Draw stress against strain in cycles of shear and of uniaxial strain, fast and slow.
-
-    Parameters
-    ----------
-    material : Material
-    """
+    """Draw stress against strain in cycles of shear and of uniaxial strain, fast and slow."""
     figure, (axes,) = new_figure(1, 2, 2.8)
     cycle = 1e-3 * np.sin(np.linspace(0, 5 * np.pi, 1001))
     for axis, part, name in ((axes[0], "xy", "Shear"), (axes[1], "xx", "Uniaxial")):

@@ -31,7 +31,6 @@ def draw(case: Case, raw: RawMesh) -> Figure:
 
     Parameters
     ----------
-    case : Case
     raw : RawMesh
         Its mesh.
     """

@@ -23,8 +23,6 @@ class Loads:
 
     Parameters
     ----------
-    model : Discretisation
-    boundaries : sequence of Boundary
     key : str
         Of the case, for messages.
 
@@ -88,7 +86,6 @@ class Loads:
         ----------
         key : str
             Of the list of boundaries.
-        number : int
         prescribed : ndarray of bool, shape (nodes * components,)
 
         Raises

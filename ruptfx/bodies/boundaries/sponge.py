@@ -61,7 +61,6 @@ class Sponge(Absorbing):
 
         Parameters
         ----------
-        edge : Edge
         own : ndarray of bool, shape (nodes,)
             Nodes of the bodies that the edge belongs to.
         key : str

@@ -80,7 +80,6 @@ def name_groups(gmsh: ModuleType, keep: bool) -> None:
 
     Parameters
     ----------
-    gmsh : module
     keep : bool
         Keep cells of no group, in one that has the number 0 in its name; Gmsh does not write elements without a group.
     """

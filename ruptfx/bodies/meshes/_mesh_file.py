@@ -99,7 +99,6 @@ def read(path: Path, trust: bool, sides: Mapping[str, list[str]], names: Mapping
 
     Parameters
     ----------
-    path : Path
     trust : bool
         Scripts may do more than describe a geometry.
     sides : dict of str to list of str

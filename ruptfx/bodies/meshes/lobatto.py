@@ -60,7 +60,6 @@ def nodes_between(ends: Floats, order: int) -> Floats:
     Parameters
     ----------
     ends : ndarray, shape (elements + 1,)
-    order : int
     """
     part = 0.5 * (basis_of_order(order).points[:-1] + 1)
     return np.append((ends[:-1, None] + np.diff(ends)[:, None] * part).ravel(), ends[-1])

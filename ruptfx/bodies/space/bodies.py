@@ -126,7 +126,6 @@ def distribute(
     Parameters
     ----------
     comm : MPI communicator
-    source : MeshSource or Strip
     tied : dict of str to (str, str), optional
         Edges whose nodes move alike, by key of the case.
     sliding : collection of str

@@ -22,7 +22,6 @@ def weld_branch_ends(raw: RawMesh, sliding: Collection[str] = ()) -> RawMesh:
 
     Parameters
     ----------
-    raw : RawMesh
     sliding : collection of str
         Interfaces with finite sliding, whose nodes have no partners.
 

@@ -16,7 +16,6 @@ def check_connections(raw: RawMesh, tied: Iterable[tuple[np.ndarray, np.ndarray]
 
     Parameters
     ----------
-    raw : RawMesh
     tied : iterable of (ndarray, ndarray)
         Facets of tied edges.
 

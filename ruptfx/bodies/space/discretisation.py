@@ -24,10 +24,8 @@ class Discretisation:
     Parameters
     ----------
     comm : MPI communicator
-    bodies : Bodies
     materials : mapping of str to Material
         By name of a body; "default" for the others.
-    plane : str
     order : int
         Of the elements.
     broken : bool

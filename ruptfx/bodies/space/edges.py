@@ -26,7 +26,6 @@ class Edge:
 
     Parameters
     ----------
-    model : Discretisation
     name : str
         ``"upper.left"``.
     key : str

@@ -48,7 +48,6 @@ class Inside:
 
     Parameters
     ----------
-    model : Discretisation
     point : sequence of float
         [m].
     body : str or None

@@ -23,11 +23,6 @@ def largest_extent(points: np.ndarray) -> float:
 class Nodes:
     """Nodes of a blocked Lagrange space over the ranks; ghosts are local nodes, too, after the owned ones.
 
-    Parameters
-    ----------
-    space : FunctionSpace
-    bodies : Bodies
-
     Attributes
     ----------
     count, owned, total : int

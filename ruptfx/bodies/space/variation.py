@@ -34,7 +34,6 @@ class Variation:
         Index of the body of every cell.
     materials : sequence of Material
         In the order of the bodies.
-    plane : str
 
     Attributes
     ----------

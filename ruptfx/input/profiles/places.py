@@ -81,7 +81,6 @@ def located(part: AnyPart, locate: Callable[[str, Place], Any], key: str) -> Any
 
     Parameters
     ----------
-    part : Part
     locate : callable
         Position [m] of a point; its first argument is the key, for messages.
     key : str

@@ -123,7 +123,6 @@ class Attached(Mechanism, ImplicitForce):
 
     Parameters
     ----------
-    model : System
     name : str
         Of the attachment.
     nodes : ndarray of int, shape (n,)

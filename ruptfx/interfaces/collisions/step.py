@@ -155,12 +155,8 @@ class CollisionStep:
 
     Parameters
     ----------
-    cracks : CrackStep
-    bodies : Bodies
-    collisions : Collisions
     materials : sequence of Material
         Materials of the bodies.
-    plane : str
 
     Raises
     ------
@@ -264,7 +260,6 @@ class CollisionStep:
 
         Parameters
         ----------
-        state : State
         since : float
             Time since the previous forces [s].
         """

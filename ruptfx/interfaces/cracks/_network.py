@@ -22,7 +22,6 @@ class CrackNetwork:
     ----------
     space : FunctionSpace
         Broken Lagrange space of order 1.
-    bodies : Bodies
     whole_stars : bool
         Whether to include all facets at the vertices of own cells, or only those of own cells.
 

@@ -23,10 +23,6 @@ class FacetResponse:
     The kernel is that of explicit steps. It works on copies of the corners, in which every facet end has two nodes of
     its own: jumps are then independent of each other, and three sweeps give all derivatives.
 
-    Parameters
-    ----------
-    cracks : CrackStep
-
     Attributes
     ----------
     pairs : ndarray of int, shape (2 * owned facets, 2)

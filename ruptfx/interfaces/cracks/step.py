@@ -141,11 +141,8 @@ class CrackStep(FacetFrames):
     ----------
     space : FunctionSpace
         Broken, of order 1.
-    bodies : Bodies
-    fracture : Fracture
     materials : sequence of Material
         Materials of the bodies, as in the case.
-    plane : str
     large_rotations : bool
         Whether facets rotate with the cells on both sides.
     initial_stress : ndarray, shape (2, 2), optional
@@ -510,8 +507,6 @@ class Kernel:
 
     Parameters
     ----------
-    cracks : CrackStep
-    group : Group
     corners : ndarray of int, shape (all facets, 2 sides, 2 ends)
         Rows of the ends of all facets in the arrays of nodes that the step is called with.
     """

@@ -113,10 +113,6 @@ class Reaction:
 class Acting:
     """Base of the contracts of a mechanism, which holds the model.
 
-    Parameters
-    ----------
-    model : System
-
     Attributes
     ----------
     order : int
@@ -149,7 +145,6 @@ class PersistentState(Acting):
 
         Parameters
         ----------
-        state : State
         energies : dict of str to float
             Columns of the energy table, of this rank.
         """

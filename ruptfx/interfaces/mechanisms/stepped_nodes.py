@@ -71,7 +71,6 @@ class SteppedNodes:
 
     Parameters
     ----------
-    model : System
     nodes : ndarray of bool, shape (nodes,)
     dt : float
         [s]

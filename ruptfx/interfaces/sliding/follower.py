@@ -146,7 +146,6 @@ class StepFollower(Follower):
 
     Parameters
     ----------
-    model : Discretisation
     fault : Fault
         Its interface slides.
     """

@@ -54,10 +54,6 @@ def _library() -> ctypes.CDLL:
 class Geometry:
     """Variable quantities of a sliding interface: B, frames and weights, overwritten in place.
 
-    Parameters
-    ----------
-    plus, minus : Surface
-
     Attributes
     ----------
     coupling : Coupling
@@ -274,7 +270,6 @@ def build_sliding(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
     ----------
     nodes : Nodes
         Nodes of the displacement.
-    name : str
     table : Sliding
         Options of finite sliding in the case.
 

@@ -124,12 +124,7 @@ def dual_basis(plus: Surface, at: Floats, weights: Floats) -> Floats:
 
 
 class Mortar:
-    """The mortar coupling of two surfaces.
-
-    Parameters
-    ----------
-    plus, minus : Surface
-    """
+    """The mortar coupling of two surfaces."""
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
         self.plus, self.minus = plus, minus

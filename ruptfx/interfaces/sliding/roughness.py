@@ -65,7 +65,6 @@ def roughness(
         On one rank.
     mesh : Part
         Table of the mesh.
-    fault : Fault
     loads : sequence of (float, Loads)
         Times [s], and the loads on the bodies for each.
     """

@@ -120,14 +120,7 @@ class ModuliChange:
 
 
 class ConstantChange:
-    """Derivatives of all coefficients of a step by one constant of a material; collective.
-
-    Parameters
-    ----------
-    model : Model
-    material, constant : str
-
-    """
+    """Derivatives of all coefficients of a step by one constant of a material; collective."""
 
     def __init__(self, model: Model, material: str, constant: str) -> None:
         self._model, self._bodies = model, _bodies(model, material)

@@ -118,7 +118,6 @@ def schedule(steps: int, of_step: float, of_checkpoint: float, most: float) -> S
 
     Parameters
     ----------
-    steps : int
     of_step : float
         History of a step on all ranks [bytes].
     of_checkpoint : float

@@ -27,7 +27,6 @@ def runs_at_once(
 
     Parameters
     ----------
-    case : Case
     terms : sequence of Misfit
         Of the objective.
     cores : int

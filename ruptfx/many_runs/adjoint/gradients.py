@@ -58,8 +58,6 @@ class Objective:
 
     Parameters
     ----------
-    case : Case
-    terms : sequence of Misfit
     comm : MPI communicator
     most : float
         Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].
@@ -293,7 +291,6 @@ def gradient(  # noqa: PLR0913
 
     Parameters
     ----------
-    case : Case
     objective : Misfit or sequence of Misfit, optional
         Default is `[[objective]]` of the case.
     unknowns : sequence of Unknown or str
@@ -388,7 +385,6 @@ def compare(
     ----------
     made : Objective
         With the run of which the gradient is.
-    derivatives : sequence of Derivative
     size : float
         Change over the largest value of the unknown; of an unknown that is zero, over that of the normal stress if it
         is a stress, else 1 in its unit.
@@ -427,8 +423,6 @@ def value_of_change(
 
     Parameters
     ----------
-    case : Case
-    terms : sequence of Misfit
     model : Model
         Of the case, with the contact methods of explicit steps.
     place : Place

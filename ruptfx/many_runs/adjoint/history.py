@@ -22,13 +22,7 @@ LARGEST = 4e9
 
 
 class RecordedStep:
-    """Explicit step of a fault that first copies its inputs to a history, if that is recorded.
-
-    Parameters
-    ----------
-    step : FaultStep
-    history : History
-    """
+    """Explicit step of a fault that first copies its inputs to a history, if that is recorded."""
 
     def __init__(self, step: FaultStep, history: History) -> None:
         self._step, self._history, self.fault = step, history, step.fault
@@ -57,7 +51,6 @@ class History:
 
     Parameters
     ----------
-    points : PointMap
     steps : int
         Of the longest segment.
 

@@ -49,7 +49,6 @@ class PointMap:
 
     Parameters
     ----------
-    fault : Fault
     normal_impedance : ndarray, shape (n,)
     shear_impedance : ndarray, shape (n, tangents)
         Impedances [Pa s/m] by number of the step: 0, 1, all others.
@@ -297,7 +296,6 @@ class InitialMap:
 
     Parameters
     ----------
-    fault : Fault
     names : list of str
         Parameters of `PointMap`.
     memory : list of str

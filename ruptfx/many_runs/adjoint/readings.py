@@ -32,11 +32,8 @@ class Readings:
 
     Parameters
     ----------
-    model : Model
     dt : float
         [s]
-    steps : int
-    requests : sequence of Trace or Final
     """
 
     def __init__(self, model: Model, dt: float, steps: int, requests: Sequence[Request]) -> None:

@@ -70,12 +70,10 @@ class Recomputation:
 
     Parameters
     ----------
-    motion : LeapfrogMotion
     mechanism : Faults
         Of the motion.
     points : list of PointMap
         Of every fault; without any nothing is recorded.
-    steps : int
     most : float
         Largest memory of history and checkpoints on all ranks [bytes].
 

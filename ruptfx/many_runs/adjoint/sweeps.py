@@ -58,7 +58,6 @@ class Sweeps:
 
     Parameters
     ----------
-    model : Model
     requests : sequence of Trace or Final
         Readings of the run.
     most : float
@@ -250,7 +249,6 @@ class Sweeps:
             Derivative of an objective by the values of each reading.
         each_step : callable
             Called with fault, time and the contribution of each step, shape (parameters, n).
-        tell : callable
 
         Returns
         -------
@@ -334,13 +332,7 @@ class Sweeps:
 
 
 class _BodyTangent:
-    """Changes of the fields of a run from that of a constant of the bodies, which advance with its steps.
-
-    Parameters
-    ----------
-    sweeps : Sweeps
-    change : ConstantChange
-    """
+    """Changes of the fields of a run from that of a constant of the bodies, which advance with its steps."""
 
     def __init__(self, sweeps: Sweeps, change: ConstantChange) -> None:
         self._sweeps, self._change, model = sweeps, change, sweeps.model
@@ -358,7 +350,6 @@ class _BodyTangent:
 
         Parameters
         ----------
-        moved : Moved
         kick : int
             Number of the step, at most 2.
         time : float
@@ -402,7 +393,6 @@ class _Backward:
 
     Parameters
     ----------
-    motion : LeapfrogMotion
     keep, push : list of ndarray, shape (nodes * components,)
         Of step 0, step 1, and all others.
 

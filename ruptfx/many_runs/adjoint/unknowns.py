@@ -101,8 +101,6 @@ def chosen(
 
     Parameters
     ----------
-    model : Model
-    unknowns : sequence of Unknown
     terms : sequence of Misfit, optional
         Of the objective; default is that of the case.
 
@@ -144,8 +142,6 @@ def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Float
 
     Parameters
     ----------
-    unknown : Unknown
-    face : Interface
     position : ndarray, shape (n,)
         All points of the interface [m].
     key : str
@@ -240,7 +236,6 @@ def perturbed(
 
     Parameters
     ----------
-    model : Model
     changes : mapping of (int, str) to ndarray, shape (n,)
         Added to parameters of `PointMap`, by fault and name.
     amplitudes : mapping of (int, int) to ndarray, shape (n,), optional

@@ -33,7 +33,6 @@ class Evaluator:
 
     Parameters
     ----------
-    case : Case
     comm : MPI communicator
     memory : float
         Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].

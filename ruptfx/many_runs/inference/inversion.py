@@ -34,10 +34,7 @@ class Inversion:
 
     Parameters
     ----------
-    case : Case
-    out : Path
     comm : MPI communicator
-    progress : bool
     memory : float
         Largest memory of the history of the interfaces and of checkpoints on all ranks [bytes].
 

@@ -53,7 +53,6 @@ class Pool:
         ----------
         runs : mapping of int to ndarray, shape (n,)
             Variables by the number of the run.
-        derivatives : str
         tell : callable
             Called with the number of finished runs.
 

@@ -63,9 +63,6 @@ class Variable:
 
     Parameters
     ----------
-    model : Model
-    unknown : Unknown
-    place : Place
     key : str
         Of the entry, for messages.
 

@@ -49,7 +49,6 @@ def opened(marker: Path | None, address: str | None, cores: int | None, ranks: i
     ----------
     marker : Path or None
         A file in the directory of the results, which all workers must see; None where they need no directory.
-    address : str or None
     cores : int or None
         Cores of this machine, without an address; None is all that this process may use.
     ranks : int
@@ -100,7 +99,6 @@ def completed(
 
     Parameters
     ----------
-    client : Client
     function : callable
         Runs on a worker, with the arguments of a job.
     jobs : mapping of a key to tuple
@@ -141,7 +139,6 @@ def answers(
 
     Parameters
     ----------
-    client : Client
     jobs : mapping of int to dict
     ranks : int
         MPI ranks of each child.

@@ -36,7 +36,6 @@ class Child:
 
     Parameters
     ----------
-    ranks : int
     module : str
         Program of the job, which answers as `server.serve` does.
     """
@@ -60,7 +59,6 @@ class Child:
 
         Parameters
         ----------
-        job : dict
         time_limit : float or None
             Wall time [s].
 

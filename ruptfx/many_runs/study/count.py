@@ -11,11 +11,6 @@ from ruptfx.platform.progress import Progress
 class Count:
     """Progress display: total, finished and failed points.
 
-    Parameters
-    ----------
-    progress : Progress
-    title : str
-
     Attributes
     ----------
     note : str

@@ -54,7 +54,6 @@ def run_study(  # noqa: PLR0913
 
     Parameters
     ----------
-    study : Study
     out : path
         Directory of the study; an existing one of the same study is continued.
     scheduler : str, optional

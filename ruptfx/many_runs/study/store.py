@@ -28,8 +28,6 @@ class Store:
 
     Parameters
     ----------
-    path : path
-    study : Study
     overwrite : bool
         Replace another study; points that both have are kept.
 

@@ -472,7 +472,6 @@ def statements(
 
     Parameters
     ----------
-    outputs : mapping of str to Expression or float
     spell : callable
         Returns the text of a node from the texts of its arguments.
     literal : callable
@@ -542,7 +541,6 @@ def uniform_parts(
 
     Parameters
     ----------
-    outputs : mapping of str to Expression
     of : Expression
         The symbol, the same at all points.
     prefix : str

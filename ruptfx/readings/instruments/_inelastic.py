@@ -15,10 +15,6 @@ if TYPE_CHECKING:
 class InelasticStress:
     """Vector of the inelastic stresses of this rank: body by body, cell by cell, point by point, part by part.
 
-    Parameters
-    ----------
-    model : System
-
     Attributes
     ----------
     size : int

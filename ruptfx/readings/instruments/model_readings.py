@@ -36,7 +36,6 @@ class ModelReadings:
 
     Parameters
     ----------
-    model : System
     initial_stress : callable
         Function from points, shape (n, dim), to the initial stress of the bodies [Pa], shape (n, stress components), in
         the order of `entries`.
@@ -81,8 +80,6 @@ class ModelReadings:
 
         Parameters
         ----------
-        point : sequence of float
-        body : str or None
         key, field : str
             Of the case, for messages.
         first : bool
@@ -101,7 +98,6 @@ class ModelReadings:
 
         Parameters
         ----------
-        name : str
         place : float or sequence of float
             In 2D the position [m], linear between its points; in 3D the coordinates [m] of a point of it, by the shape
             functions of its elements, or of one beside it, whose nearest node is taken and named in each channel.
@@ -255,8 +251,6 @@ class SensedPoint:
 
     Parameters
     ----------
-    readings : ModelReadings
-    place : Inside
     point : sequence of float
         Its coordinates [m].
     """

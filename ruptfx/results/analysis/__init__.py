@@ -59,7 +59,6 @@ def sliding_rate(record: Files, interface: str | None = None) -> np.ndarray:
 
     Parameters
     ----------
-    record : Files
     interface : str, optional
         Name; default: that of `record.interface`.
     """

@@ -152,7 +152,6 @@ def emission_of(
 
     Parameters
     ----------
-    record : Record or Files
     smallest : float
         Magnitude of the smallest events that count.
     completeness : float, optional

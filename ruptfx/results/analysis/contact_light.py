@@ -69,7 +69,6 @@ def contact_light(
 
     Parameters
     ----------
-    record : Record
     hardness, growth, cutoff : float
         As in `real_contact_area`.
     state : str, optional

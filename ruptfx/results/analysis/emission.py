@@ -360,7 +360,6 @@ def clusters(catalogue: Catalogue, distance: float, speed: float) -> Clusters:
 
     Parameters
     ----------
-    catalogue : Catalogue
     distance : float
         [m], for example three cells.
     speed : float

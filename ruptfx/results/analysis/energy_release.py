@@ -34,7 +34,6 @@ def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, med
         [m/s]
     speed : float
         [m/s]
-    medium : Medium
 
     Raises
     ------
@@ -100,7 +99,6 @@ def domain_integral(moment: Moment, tip: float, half_width: float, medium: Mediu
         With points that fill the box.
     tip, half_width : float
         Middle of the box, half its length and its height [m]; the inner half must hold the process zone.
-    medium : Medium
     """
     away = (moment.point - [tip, 0.0]) / half_width
     side, top = np.clip(2 * (1 - np.abs(away)), 0.0, 1.0).T

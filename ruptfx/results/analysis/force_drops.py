@@ -120,7 +120,6 @@ def knees(time: Array, force: Array, items: list[Drop], tolerance: float) -> lis
     Parameters
     ----------
     time, force : ndarray, shape (times,)
-    items : list of Drop
     tolerance : float
         Largest distance of the polyline, in the unit of the force.
 

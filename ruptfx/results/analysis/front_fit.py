@@ -158,7 +158,6 @@ def fit_front(traces: Sequence[Trace], medium: Medium, direction: int = 1, reach
     ----------
     traces : sequence of Trace
         Gauges so near each other that the front does not change between them.
-    medium : Medium
     direction : int
         1 where the front runs towards positive x, -1 towards negative x.
     reach : float

@@ -105,7 +105,6 @@ def front_motion(
         Increasing lengths [m]; the first is the initial one.
     stress_drop, fracture_energy : callable
         tau(x) - mu_d sigma(x) [Pa] and Gamma(x) [J/m2] of positions [m].
-    medium : Medium
     shape, height
         As in `static_stress_intensity`; `height` is that of one plate, H.
 

@@ -159,7 +159,6 @@ def speckle(shape: tuple[int, int], size: float, seed: int = 0) -> Array:
         Rows and columns.
     size : float
         Of a speckle [pixels].
-    seed : int
     """
     waves = gaussian_filter(np.random.default_rng(seed).normal(size=shape), 0.35 * size, mode="wrap")
     return GREYS / (1 + np.exp(-4 * waves / waves.std()))
@@ -179,7 +178,6 @@ def photographed(image: Array, along_x: Array, along_y: Array, noise: float = 0.
         Displacement [pixels].
     noise : float
         Standard deviation of the grey levels.
-    seed : int
     """
     rows, columns = np.indices(image.shape).astype(float)
     x, y = columns - along_x, rows - along_y
@@ -196,7 +194,6 @@ def pixel_displacements(record: Record, moved: Array, pixel: float) -> tuple[Arr
 
     Parameters
     ----------
-    record : Record
     moved : ndarray, shape (nodes, 2)
         [m]
     pixel : float
@@ -252,7 +249,6 @@ def experiment(  # noqa: PLR0913
 
     Parameters
     ----------
-    record : Record
     row : int
         Index of the snapshot.
     pixel : float
@@ -263,7 +259,6 @@ def experiment(  # noqa: PLR0913
         Standard deviation of the grey levels, of 255.
     speckle_size : float
         [pixels].
-    seed : int
     since : int, optional
         Which snapshot the first picture is of.
 

@@ -88,7 +88,6 @@ def compare_with_file(
 
     Parameters
     ----------
-    record : Record or Files
     path : path
         Text file with a column of times, which is called time or t or is the first one, and columns whose header names
         a channel. A strain gauge may be named by its angle (``45 deg``). In a file of two columns the header is free if

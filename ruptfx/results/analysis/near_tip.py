@@ -112,7 +112,6 @@ def mode_II(
         From the tip [m]; behind it y = 0 is the upper face.
     speed : float
         [m/s]
-    medium : Medium
     K_II : float
         Coefficient of the field: sigma_xy = K_II x^power / sqrt(2 pi) ahead of the tip; with the power -1/2 the stress
         intensity [Pa sqrt(m)].
@@ -166,8 +165,6 @@ def mode_II_rate(
         From the tip [m]; behind it y = 0 is the upper face.
     time : ndarray
         Since K_II was zero [s].
-    speed : float
-    medium : Medium
     rate : float
         [Pa sqrt(m) / s]
     zone : float
@@ -220,8 +217,6 @@ def mode_III(x: Array, y: Array, speed: float, medium: Medium, K_III: float = 1.
     ----------
     x, y : ndarray
         From the tip [m].
-    speed : float
-    medium : Medium
     K_III : float
         Stress intensity [Pa sqrt(m)].
 
@@ -276,8 +271,6 @@ def mode_II_supershear(x: Array, y: Array, speed: float, medium: Medium, amplitu
     ----------
     x, y : ndarray
         From the tip [m].
-    speed : float
-    medium : Medium
     amplitude : float
         sigma_xy = amplitude x^-q ahead of the tip [Pa m^q].
     """
@@ -321,8 +314,6 @@ def strain_extremes(distance: float, K_II: float, speed: float, medium: Medium) 
         Of the line, above the interface [m].
     K_II : float
         [Pa sqrt(m)]
-    speed : float
-    medium : Medium
 
     Returns
     -------

@@ -44,7 +44,6 @@ class Pixels:
 
     Parameters
     ----------
-    record : Record
     size : float
         Of a pixel [m].
 
@@ -82,7 +81,6 @@ def fringe_orders(
 
     Parameters
     ----------
-    record : Record
     pixel : float
         Size of a pixel [m].
     fringe_constant, thickness : float, optional
@@ -106,7 +104,6 @@ def max_shear(record: Record, pixel: float) -> xarray.DataArray:
 
     Parameters
     ----------
-    record : Record
     pixel : float
         Size of a pixel [m].
 
@@ -195,7 +192,6 @@ class Camera:
 
         Parameters
         ----------
-        record : Record
         fringe_constant, thickness : float, optional
             Of all bodies [N/m], and of the plates [m], instead of those of the case.
 
@@ -255,7 +251,6 @@ def frame_times(record: Record, frame_rate: float, exposure: float) -> Array:
 
     Parameters
     ----------
-    record : Record
     frame_rate : float
         Frames per second [Hz].
     exposure : float

@@ -88,7 +88,6 @@ def speed_against_ratio(event: SlipEvent, position: Array, width: float, skip: f
 
     Parameters
     ----------
-    event : SlipEvent
     position : ndarray, shape (points,)
         [m]
     width : float

@@ -48,7 +48,6 @@ class SurfaceInterpolation:
 
     Parameters
     ----------
-    data : Data
     strike, dip : ndarray, shape (n,)
         Positions at which values are wanted [m].
     """
@@ -132,7 +131,6 @@ def moment_rate(data: Data, part: np.ndarray | float = 1.0) -> np.ndarray:
 
     Parameters
     ----------
-    data : Data
     part : ndarray, shape (points,)
         Share of the area of every point that counts.
     """

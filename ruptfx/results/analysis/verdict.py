@@ -87,7 +87,6 @@ def rows(summary: Table, most: int = 8) -> list[tuple[str, str]]:
     ----------
     summary : dict
         Content of `summary.json`.
-    most : int
     """
     return [(name, shown(name, value)) for name in ROWS if (value := summary.get(name))][:most]
 

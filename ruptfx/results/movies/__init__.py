@@ -191,7 +191,6 @@ def frames(record: Record, what: str, most: int = 200) -> Iterator[tuple[float, 
 
     Parameters
     ----------
-    record : Record
     what : str
         The name of a file of this folder.
     most : int
@@ -276,7 +275,6 @@ def save(
 
     Parameters
     ----------
-    record : Record
     what : str
         The name of a file of this folder.
     path : Path

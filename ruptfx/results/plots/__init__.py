@@ -82,7 +82,6 @@ def all_figures(
 
     Parameters
     ----------
-    record : Record or Files
     only : sequence of str, optional
         Names of figures; default is all. Those that do not suit the run are left out.
     times : (float, float), optional
@@ -135,7 +134,6 @@ def save_all(
 
     Parameters
     ----------
-    record : Record or Files
     directory : path, optional
         Output directory; default is ``figures`` in the run directory.
     formats : sequence of str

@@ -26,7 +26,6 @@ class Plates:
 
     Parameters
     ----------
-    record : Record or Files
     fringe_constant, thickness : float, optional
         Constant of all bodies [N/m] and thickness of the plates [m], instead of those of the case.
 

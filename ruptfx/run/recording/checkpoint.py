@@ -82,8 +82,6 @@ class Checkpoints:
 
     Parameters
     ----------
-    model : Model
-    recorder : Files
     keepers : dict of str to Keeper
         All objects with such data, by their names in a checkpoint.
     """

@@ -23,10 +23,6 @@ REMARK = (
 class EdgeSums:
     """Columns of the table of edges of a model; created on all ranks.
 
-    Parameters
-    ----------
-    model : Model
-
     Attributes
     ----------
     columns : list of str

@@ -66,7 +66,6 @@ class ForceMeans:
 
     Parameters
     ----------
-    comm : MPI.Comm
     faults : list of Fault
         Faults with finite sliding.
     threshold : float

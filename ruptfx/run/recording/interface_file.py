@@ -21,8 +21,6 @@ class InterfaceFile(GrowingFile):
 
     Parameters
     ----------
-    path : Path
-    fault : Fault
     place : dict of ndarray, shape (points,)
         Positions, coordinates [m] and tributary area of the points, as in `PLACE`.
     attributes : dict

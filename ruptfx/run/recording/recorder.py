@@ -56,7 +56,6 @@ class Recorder:
 
     Parameters
     ----------
-    model : Model
     motion : Motion
         The stepper, which computes the energies.
     out : Path

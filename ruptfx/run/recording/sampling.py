@@ -101,7 +101,6 @@ class Samples:
 
     Parameters
     ----------
-    model : Model
     dt : float
         Time step [s], the first one if steps vary.
     initial_stress : callable, points -> stresses

@@ -48,7 +48,6 @@ class Records:
 
     Parameters
     ----------
-    model : Model
     mechanisms : sequence of Mechanism
         Those of the class `of`.
 
