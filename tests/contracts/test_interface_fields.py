@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.small_cases import case, march, merged, plates, slip_weakening, strike_slip
+from helpers.strike_cases import faulted
 from helpers.whole_runs import whole_and_resumed
 from scipy.special import exp1
 
@@ -364,3 +365,28 @@ def test_a_known_pressure_begins_and_ends_at_times_that_vary() -> None:
     for time, expected in ((0.0, 0 * x), (1.0, 5e5 * np.clip(1.0 - x, 0, 2)), (11.0, 5e5 + 0 * x), (12.0, 0 * x)):
         values = fault.fields.values(fault.fields.memory(none), time, Heating(none, none, 0.0))["pore_pressure"]
         np.testing.assert_allclose(values, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("permeability", [1e-13, {"kind": "along_dip", "profile": {
+    "kind": "table", "positions": [0.0, 8.0], "values": [1e-13, 1e-13]}}])  # fmt: skip
+def test_a_well_in_a_section_that_repeats_along_strike_is_that_of_theis(permeability: Any) -> None:
+    """Half of a Gaussian source at the surface; nothing flows beyond the ends of the fault, and all of it is stored."""
+    width, alpha, duration = 0.8, 0.1, 2.0
+    wells = [{"center": {"x": 0.0, "y": 0.0, "z": 0.0}, "rate": 0.5e-9, "half_width": width}]
+    fluid = {**WELL, "permeability": permeability, "wells": wells}
+    model = Model(faulted({
+        "mesh.fault_depth": 8.0, "mesh.depth": 12.0, "mesh.element_size": 0.5,
+        "mesh.along_strike": {"length": 15.0, "period": 20.0, "points": 80}, "faults.main.pore_pressure": fluid,
+    }), fem.MPI.COMM_SELF)  # fmt: skip
+    face, (made,) = model.faults[0].interface, model.faults[0].fields.contributions
+    memory, none, steps = made.memory(), np.zeros(len(face.plus)), 40
+    for number in range(steps):
+        made.plan(memory, number * duration / steps, duration / steps)
+        made.advance(memory, number * duration / steps, Heating(none, none, duration / steps))
+    pressure = made.values(memory, duration, Heating(none, none, 0.0))["pore_pressure"]
+    square = np.maximum(np.sum(face.locations**2, axis=1), 1e-16)
+    late = exp1(square / (2 * width**2 + 4 * alpha * duration))
+    expected = 1e-9 / (4 * np.pi * 1e-13 / 1e-3) * (late - exp1(square / (2 * width**2)))
+    np.testing.assert_allclose(pressure, expected, rtol=0, atol=3e-3 * expected.max())
+    assert made.along.mass[face.number] @ pressure == pytest.approx(0.5e-9 * duration, rel=1e-10)
+    assert np.all(pressure[np.abs(face.position) > 7.6] == 0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.small_cases import HOMALITE, SPLIT, advance, blocks, case, plates, tilted
+from helpers.strike_cases import faulted
 
 pytest.importorskip("dolfinx")
 
@@ -45,6 +46,15 @@ def test_a_mass_on_a_spring(plane: str) -> None:
     np.testing.assert_allclose(state.displacement[up], 1 / omega, rtol=5e-3)
     # What was kinetic is strain energy now: rho H L v^2 / 2.
     assert motion.energies(state)["strain"] == pytest.approx(0.5 * 1246 * 8e-3 * 12e-3, rel=1e-2)
+
+
+@pytest.mark.parametrize(("normal", "tangential"), [(1e9, 0.0), (1e9, 2e9)])
+def test_a_spring_on_an_edge_of_a_section_along_strike(normal: float, tangential: float) -> None:
+    """The far edge of 8 m: its stiffness across is that along the normal, y, and along strike that along the edge."""
+    spring = {"kind": "spring", "edge": "upper.top", "normal": normal, "tangential": tangential}
+    section = Model(faulted({"boundaries": [spring]})).section
+    stiffness = sum(support.stiffness.sum(axis=0) for support in section.loads.supports)
+    np.testing.assert_allclose(stiffness, 8.0 * np.diag([tangential, normal, tangential]), atol=1e-3, rtol=1e-9)
 
 
 # -- springs of bodies -------------------------------------------------------------------------------------------------

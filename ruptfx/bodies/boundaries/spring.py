@@ -39,7 +39,8 @@ class Spring(EdgeSides):
             raise ValueError(f"{key}.normal = {self.normal:g}: plane = 'antiplane' moves in z only; use tangential")
 
     def act_on(self, edge: Edge, key: str) -> Action:
-        c = edge.model.components
+        # Bodies that repeat along strike have a normal in the plane of their section, and move along strike, too.
+        c, plane = edge.model.components, edge.model.mesh.geometry.dim
         if not self.normal + self.tangential:  # of which UFL makes no form
             return Action()
 
@@ -50,7 +51,11 @@ class Spring(EdgeSides):
                 if c == 1:
                     return self.tangential * tests[0]
                 across = self.normal - self.tangential
-                return self.tangential * tests[j] + across * n[j] * sum(n[i] * tests[i] for i in range(c))
+                out = n[j] * sum(n[i] * tests[i] for i in range(plane)) if j < plane else 0.0
+                return self.tangential * tests[j] + across * out
+
+            if c > 1 and j >= plane and not self.tangential:  # UFL makes no form of it
+                return np.zeros((len(edge.nodes), c))
 
             return edge.integral(density, self.limits).reshape(-1, c)[edge.nodes]
 

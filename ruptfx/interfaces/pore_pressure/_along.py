@@ -84,7 +84,8 @@ class Along:
         fixed: np.ndarray,
     ) -> None:  # fmt: skip
         self.total, self.mass, self._fixed = face.total, storage * area, fixed
-        self.stiffness = self._assembled(model, face, name, mobility)
+        assemble = self._assembled if model.section is None else self._repeated
+        self.stiffness = assemble(model, face, name, mobility)
         self._free = diags((~fixed).astype(float))
         self._known: tuple[float, SuperLU] | None = None
 
@@ -114,6 +115,37 @@ class Along:
         shape = (face.total, face.total)
         matrix = csr_matrix((entries[:, 2], (entries[:, 0].astype(int), entries[:, 1].astype(int))), shape)
         # No flow across the rim, also where its nodes are no points: rows sum to zero.
+        return csr_matrix(matrix - diags(np.asarray(matrix.sum(axis=1)).ravel()))
+
+    @staticmethod
+    def _repeated(model: System, face: Interface, name: str, mobility: np.ndarray) -> csr_matrix:
+        """Return the stiffness of all points of a section that repeats along strike; collective.
+
+        Elements of the section down dip, differences of second order along strike, and no flow beyond the ends of the
+        fault. Between two points the mobility is their mean.
+        """
+        section, along = model.section, model.case.mesh.along_strike
+        assert section is not None and along is not None
+        line = section.faces[name]
+        down = Along._assembled(section, line, name, np.ones(len(line.plus))).tocoo()
+        places, values = np.split(on_all_ranks(model.comm, face, np.column_stack([face.points, mobility])), [3], axis=1)
+        column = np.round((places[:, 2] - along.positions[0]) / along.spacing).astype(int)
+        point = np.full((len(line.plus), along.points), -1)
+        point[section.points_of(name, places), column] = np.arange(face.total)
+        point[:, along.beyond] = -1
+        weight, apart = line.area[:, None] / along.spacing, down.row != down.col
+        number = line.number
+        pairs = [
+            (point[:, :-1], point[:, 1:], np.broadcast_to(-weight, (len(line.plus), along.points - 1))),
+            (point[:, 1:], point[:, :-1], np.broadcast_to(-weight, (len(line.plus), along.points - 1))),
+            (point[number[down.row[apart]]], point[number[down.col[apart]]],
+             np.repeat(down.data[apart, None] * along.spacing, along.points, axis=1)),
+        ]  # fmt: skip
+        first, second, entry = (np.concatenate([np.ravel(pair[k]) for pair in pairs]) for k in range(3))
+        inside = (first >= 0) & (second >= 0)
+        first, second = first[inside], second[inside]
+        entry = entry[inside] * 0.5 * (values[first, 0] + values[second, 0])
+        matrix = csr_matrix((entry, (first, second)), (face.total, face.total))
         return csr_matrix(matrix - diags(np.asarray(matrix.sum(axis=1)).ravel()))
 
     def _solver(self, dt: float) -> SuperLU:

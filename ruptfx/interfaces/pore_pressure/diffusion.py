@@ -113,11 +113,6 @@ class Diffusion(PorePressure):
     """Rim of the interface: `no_flux`, or `fixed` for the initial pressure."""
 
     def bind(self, model: System, face: Interface, key: str) -> PressureAlong:
-        if model.case.mesh.along_strike is not None:
-            raise CaseError(
-                f"{key}.kind = 'diffusion': not along a section that repeats along strike, mesh.along_strike; use "
-                "kind = 'given', or a mesh of the whole bodies"
-            )
         if np.any(self.dilatancy):
             require_state(model, key)
         for number, well in enumerate(self.wells):
@@ -166,6 +161,9 @@ class PressureAlong(Contribution):
             for axis in places.reshape(face.total, -1).T:
                 near = RIM * np.ptp(axis)
                 self._fixed |= (axis <= axis.min() + near) | (axis >= axis.max() - near)
+        strike = model.case.mesh.along_strike
+        # No fluid beyond the ends of a fault that repeats along strike.
+        porous = area if strike is None else area * (np.abs(places[:, 0]) <= strike.half_length)
         self._rates: list[tuple[Well, np.ndarray]] = []
         self._pressures: list[tuple[Well, np.ndarray]] = []
         for well in table.wells:
@@ -177,7 +175,7 @@ class PressureAlong(Contribution):
                 self._pressures.append((well, nearest.astype(float)))
             else:
                 width = well.half_width
-                share = area * (nearest if width is None else np.exp(-0.5 * (away / width) ** 2))
+                share = porous * (nearest if width is None else np.exp(-0.5 * (away / width) ** 2))
                 self._rates.append((well, share / share.sum()))
         self._dilatancy, self.is_aged = np.broadcast_to(table.dilatancy, len(face.plus)), bool(np.any(table.dilatancy))
         self._free = ~self._fixed[face.number]
