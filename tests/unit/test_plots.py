@@ -11,6 +11,7 @@ import tomli_w
 import xarray
 from helpers import synthetic
 from helpers.messages import facts
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -531,6 +532,26 @@ def test_every_surface_has_a_panel_with_the_same_colours(branched):
     meshes = [ax.collections[0] for ax in axes.flat]
     assert [mesh.get_array().max() for mesh in meshes] == [1.0, 2.0, 1.0, 2.0]
     assert len({mesh.get_clim() for mesh in meshes}) == 1
+
+
+def test_slip_rates_of_cycles_have_logarithmic_colours(tmp_path):
+    """Half of a surface slides at 1 m/s for seconds, after 30 years at 1e-9 m/s and before as many at 1e-12 m/s."""
+    path = synthetic.write_surface_run(tmp_path / "run", count=6)
+    with xarray.open_dataset(path / "interface.h5", engine="h5netcdf") as opened:
+        data = opened.load()
+    peak = np.array([1e-9, 1e-9, 1.0, 0.5, 1e-12, 1e-12])
+    half = data.position.values < 0
+    data["slip_rate_1"] = (("time", "point"), np.where(half, peak[:, None], 1e-9))
+    data = data.assign_coords(time=[0.0, 1e9, 1e9 + 4, 1e9 + 5, 1e9 + 90, 2e9])
+    data.to_netcdf(path / "interface.h5", engine="h5netcdf")
+    with Record(path) as record:
+        axes = plots.slip_rate_maps(record).flat
+        titles = [ax.get_title(loc="right") for ax in axes if ax.get_visible()]
+        assert titles == ["31.7 yr", "(a) + 4 s", "(a) + 5 s", "(a) + 90 s"]
+        meshes = [ax.collections[0] for ax in axes if ax.get_visible()]
+        assert all(isinstance(mesh.norm, LogNorm) and mesh.get_clim() == (1e-10, 1.0) for mesh in meshes)
+        assert [mesh.get_array().min() for mesh in meshes] == pytest.approx([1e-9, 1e-9, 1e-9, 1e-10])
+        assert not isinstance(plots.slip_rate_maps(record, field="slip").flat[0].collections[0].norm, LogNorm)
 
 
 @pytest.mark.parametrize("name", ["rupture_map", "slip_rate_maps"])

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.colors import Normalize
+from matplotlib.colors import LogNorm, Normalize
 
 from ruptfx import RuptfxError
 from ruptfx.input.schema import nearest as nearest_name
 from ruptfx.results.analysis.surface import magnitude_of
-from ruptfx.results.figure_style import RATE_MAP, Array
+from ruptfx.results.analysis.surface_events import peak_rates
+from ruptfx.results.figure_style import RATE_MAP, Array, scale
 from ruptfx.results.plots import surface_maps as _surface
 from ruptfx.results.plots._record import chosen, has_surface, nearest
 from ruptfx.results.plots._sheet import Sheet, Window, figure
@@ -18,6 +19,9 @@ from ruptfx.results.record import Data, Files
 
 UNITS = {"slip_rate": "m/s", "slip": "m", "shear_traction": "Pa"}
 COLUMNS = 2
+SLOW = 1e3  # longest over shortest time between records, from which a run has slow times, as cycles have
+DECADES, SLOWEST = 1e2, 1e-10  # largest slip rate over the median, and least over the largest, of logarithmic colours
+MAPS = 6
 
 
 def suits(record: Files) -> bool:
@@ -37,10 +41,12 @@ def slip_rate_maps(
 ) -> None:
     """Draw the slip rate, or another field, on every surface at several times, with one scale of colours.
 
+    It is logarithmic for the slip rate of runs with slow times, as cycles have, where it spans decades.
+
     Parameters
     ----------
     at
-        Times [s]; the nearest saved ones are drawn. Default: six while the rupture runs.
+        Times [s]; the nearest saved ones are drawn. Default: six while the rupture runs, the fastest one of cycles.
     fault : str or sequence of str, optional
         Names of surfaces. Default: all.
     field : str
@@ -54,12 +60,17 @@ def slip_rate_maps(
     if field not in known:
         raise RuptfxError(f"plots.slip_rate_maps: field = '{field}': {nearest_name(str(field), known)}")
     saved = first["time"].values
-    wanted = _while_it_runs(surfaces)[-1:] if sheet.is_given else _while_it_runs(surfaces)
-    rows = np.unique(chosen(saved, at, nearest(saved, wanted)))
+    slow = _is_slow(saved)
+    runs = _in_fastest(surfaces) if slow else nearest(saved, _while_it_runs(surfaces))
+    rows = np.unique(chosen(saved, at, runs[-1:] if sheet.is_given else runs))
     values = {name: [_at(data, field, int(row)) for row in rows] for name, data in surfaces.items()}
     all_values = np.concatenate([each for of_times in values.values() for each in of_times])
     size, unit = sheet.scale(field, all_values, _unit(first, field))
     high = float(np.quantile(all_values, 0.999)) or 1.0
+    low = max(float(np.quantile(all_values, 0.01)), SLOWEST * high)
+    logarithmic = slow and field == "slip_rate" and high > DECADES * float(np.median(all_values)) > 0
+    high = float(all_values.max()) if logarithmic else high
+    norm = LogNorm(low / size, high / size) if logarithmic else Normalize(0, high / size)
     # Maps of one time are next to each other, and those of two times where they stay high enough.
     height = _surface.height_in_line(surfaces.values())
     across = min(COLUMNS if height / COLUMNS >= _surface.LOWEST else 1, len(rows))
@@ -75,9 +86,12 @@ def slip_rate_maps(
     panels = [(row, name, number) for number, row in enumerate(rows) for name in surfaces]
     for index, (row, name, number) in enumerate(panels):
         ax, data = axes.flat[index], surfaces[name]
-        each = values[name][number] / size
-        drawn = _surface.draw(ax, data, each, Normalize(0, high / size), RATE_MAP, x_scale, stretch)
+        each = np.maximum(values[name][number] / size, low / size if logarithmic else 0.0)
+        drawn = _surface.draw(ax, data, each, norm, RATE_MAP, x_scale, stretch)
         time = f"{saved[row] / t_size:.3g} {t_unit}"
+        if slow and row > rows[0]:  # within seconds of each other, decades after the start
+            later, later_unit = scale(float(saved[row] - saved[rows[0]]), "s")
+            time = f"(a) + {(saved[row] - saved[rows[0]]) / later:.3g} {later_unit}"
         ax.set_title(f"{name}\n{time}" if len(record.interfaces) > 1 else time, loc="right")
         below = index >= len(panels) - len(ratios)
         _surface.label(ax, data, index % len(ratios) == 0, below, x_scale)
@@ -89,6 +103,23 @@ def slip_rate_maps(
     sheet.letter(axes.ravel()[: len(panels)])
     said = f"Colours end at {high / size:.3g} {unit}; the largest value is {all_values.max() / size:.3g}."
     sheet.remark(said if all_values.max() > high else "", _surface.stretched(stretch))
+
+
+def _is_slow(saved: Array) -> bool:
+    """Return whether the times between records differ as those of cycles do."""
+    steps = np.diff(saved)
+    return len(steps) > 1 and bool(steps.max() > SLOW * steps[steps > 0].min(initial=np.inf))
+
+
+def _in_fastest(surfaces: Mapping[str, Data]) -> Array:
+    """Return the rows of records of the fastest rupture, equidistant in number, with one before it."""
+    peaks = np.max([peak_rates(data) for data in surfaces.values()], axis=0)
+    fastest = int(np.argmax(peaks))
+    threshold = min(float(next(iter(surfaces.values())).attrs["rupture_threshold"]), 0.5 * float(peaks[fastest]))
+    still = np.flatnonzero(peaks < threshold)
+    first = still[still < fastest].max(initial=0)
+    last = still[still > fastest].min(initial=len(peaks) - 1)
+    return np.unique(np.linspace(first, last, MAPS).astype(int))
 
 
 def _while_it_runs(surfaces: Mapping[str, Data]) -> Array:
