@@ -545,7 +545,7 @@ def test_slip_rates_of_cycles_have_logarithmic_colours(tmp_path):
     data = data.assign_coords(time=[0.0, 1e9, 1e9 + 4, 1e9 + 5, 1e9 + 90, 2e9])
     data.to_netcdf(path / "interface.h5", engine="h5netcdf")
     with Record(path) as record:
-        axes = plots.slip_rate_maps(record).flat
+        axes = list(plots.slip_rate_maps(record).flat)
         titles = [ax.get_title(loc="right") for ax in axes if ax.get_visible()]
         assert titles == ["31.7 yr", "(a) + 4 s", "(a) + 5 s", "(a) + 90 s"]
         meshes = [ax.collections[0] for ax in axes if ax.get_visible()]
