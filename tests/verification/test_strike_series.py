@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from ruptfx import RuptfxError
 from ruptfx.app.checks.preflight import preflight
+from ruptfx.app.commands import check
 from ruptfx.bodies.boundaries.driven import Driven
 from ruptfx.bodies.meshes.half_plate import HalfPlate
 from ruptfx.bodies.meshes.two_plates import TwoPlates
@@ -25,6 +26,7 @@ from ruptfx.bodies.state import State
 from ruptfx.case import Case
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces import section
+from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.interfaces.section import Section
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.laws.materials.orthotropic_elastic import OrthotropicElastic
@@ -246,6 +248,39 @@ def test_refuses_matrices_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> 
     case = faulted()
     with pytest.raises(RuptfxError, match=facts(r"points = 16.*3\.5e-05 GB.*3e-05 GB")):
         case.stepper.bind(Model(case, fem.MPI.COMM_SELF))
+
+
+def test_check_says_memory_and_time_before_a_matrix_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """16 points along strike, 9 down dip: 288 components; 27 solutions of 9 wavenumbers; 9 x 54 x 9 doubles."""
+
+    def compute(*_: object) -> None:
+        raise RuptfxError("computed")
+
+    monkeypatch.setattr(strike_series.StrikeSeries, "_matrix", compute)
+    rows = []
+    with pytest.raises(RuptfxError, match="computed"):
+        for row in preflight(faulted()):
+            assert row.early
+            rows.append(row)
+    values = {row.quantity.removeprefix("mesh.along_strike: "): row.value for row in rows}
+    unknowns = 3 * 17 * 9  # of 8 x 4 elements of order 2, or more than there are: elements grow
+    seconds = values.pop("time of the matrices")
+    assert isinstance(seconds, float) and 0 < seconds < 9 * unknowns * (4e-6 + 27 * 1.5e-7)
+    assert values == {
+        "components of slip": 2 * 16 * 9, "memory of the matrices": 9 * 6 * 9**2 * 8, "solutions of a wavenumber": 27,
+    }  # fmt: skip
+
+
+def test_long_computations_are_said_before_they_begin(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(check.screen, "print", said.append)
+    first, last = Row("matrices", 3.5e6, "B", "at most", early=True), Row("time", 42.0, "s", "of one core", early=True)
+    rows = check._collected(iter([first, last, Row("other", 1.0)]))
+    assert next(rows) is first and next(rows) is last and not said
+    assert next(rows).quantity == "other"  # as soon as the computation is asked for
+    assert said == ["matrices: 3.5e+06 B (at most)", "time: 42 s (of one core)"]
+    list(check._collected([Row("time", 3.0, "s", early=True)]))
+    assert len(said) == 2
 
 
 def test_check_says_wavenumbers_and_memory() -> None:

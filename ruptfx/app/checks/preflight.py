@@ -26,6 +26,7 @@ from ruptfx.platform.memory import available
 from ruptfx.run import stages
 from ruptfx.run.cost import counts, measured, need_memory, rehearse
 from ruptfx.run.model import Model
+from ruptfx.stepping.implicit.strike_series import work_of
 from ruptfx.stepping.steppers import Motion, leapfrog
 from ruptfx.stepping.steppers.quasi_dynamic import SeriesMotion
 from ruptfx.stepping.stopping import StopRules
@@ -45,6 +46,7 @@ def preflight(case: Case) -> Iterator[Row]:
     started = time.process_time()
     need_memory(case, fem.MPI.COMM_WORLD)
     model = Model(case, fem.MPI.COMM_WORLD)
+    yield from _work_rows(model)
     motion = stages.bind(model)
     StopRules(model, model.case.stop_when)
     built = time.process_time()
@@ -88,6 +90,22 @@ def preflight(case: Case) -> Iterator[Row]:
     yield from (row_of(doubt) for doubt in doubts(model))
     yield from _record_rows(case, steps)
     yield from _cost(model, motion, steps, started, built)
+
+
+def _work_rows(model: Model) -> Iterator[Row]:
+    """Yield what the matrices of a section that repeats along strike will take, before they are computed."""
+    if model.section is None:
+        return
+    along = model.section.mesh_table.along_strike
+    assert along is not None
+    work = work_of(model.section, [fault.name for fault in model.faults], along.points)
+    key, components = "mesh.along_strike", 2 * work.points * along.points
+    note = f"{work.points} points down dip, {along.points} along strike"
+    yield Row(f"{key}: components of slip", components, "", note, early=True)
+    yield Row(f"{key}: memory of the matrices", work.bytes, "B", "at most", early=True)
+    note = f"{work.wavenumbers} wavenumbers, each a system of {work.unknowns} unknowns"
+    yield Row(f"{key}: solutions of a wavenumber", work.columns, "", note, early=True)
+    yield Row(f"{key}: time of the matrices", work.seconds, "s", "of one core; none where they are stored", early=True)
 
 
 def _along_strike_rows(model: Model, motion: SeriesMotion) -> Iterator[Row]:

@@ -14,10 +14,13 @@ from ruptfx.app.commands._shared import EXIT_ERROR, PIPE, CaseFile, Overrides, b
 from ruptfx.input.quantities import factor, with_prefix
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from ruptfx.interfaces.mechanisms.checks.table import Row
 
 HEADING = "Compute"
 
+SECONDS = 10.0  # s of processor time: what takes longer is said before it begins
 NARROW = 100  # columns below which notes are not beside the values
 COLOURS = {"error": "red", "warning": "yellow"}
 
@@ -47,7 +50,7 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
         with working("building the model, and measuring its steps"):
             from ruptfx.app.checks.preflight import preflight
 
-            rows = merged(list(preflight(parsed)))
+            rows = merged([*_collected(preflight(parsed))])
         said = [row for row in rows if row.verdict != "ok"]
         notes = [readable(row.note) if row.verdict == "ok" else f"{row.verdict} {said.index(row) + 1}, below"
                  for row in rows]  # fmt: skip
@@ -58,6 +61,17 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             screen.print(sentence, style=COLOURS[row.verdict], soft_wrap=True)
         if any(row.verdict == "error" for row in said):
             raise typer.Exit(EXIT_ERROR)
+
+
+def _collected(rows: Iterable[Row]) -> Iterator[Row]:
+    """Yield rows, and print those that announce a computation as they come if it takes seconds."""
+    announced: list[Row] = []
+    for row in rows:
+        yield row
+        announced = [*announced, row] if row.early else []
+        if row.early and row.unit == "s" and float(row.value) > SECONDS:
+            for each in announced:
+                screen.print(" ".join(filter(None, (f"{each.quantity}:", *engineering(each), f"({each.note})"))))
 
 
 def _print(rows: list[Row], notes: list[str], title: str) -> None:

@@ -12,13 +12,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the pre-flight table."""
+    """One line of the pre-flight table; one that is `early` is said before what it announces is computed."""
 
     quantity: str
     value: float | str
     unit: str = ""
     note: str = ""
     verdict: Literal["ok", "warning", "error"] = "ok"
+    early: bool = False
 
     @property
     def text(self) -> str:
