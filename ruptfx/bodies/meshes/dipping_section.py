@@ -18,8 +18,8 @@ class DippingSection(MeshSource):
 
     Body `plus` is its hanging wall, `minus` its foot wall, of parallelograms. The interface `main` cuts the section
     from the surface to its bottom: `fault_width` and, with elements that grow, `beyond`, where `prescribed_slip` lets
-    it creep. Positions are distances down dip, slip is that of `plus` down dip. The edges are `plus.top` (the surface of
-    the Earth), `plus.bottom`, `plus.far`, and those of `minus`.
+    it creep. Positions are distances down dip, and slip is that of `plus` down dip. The edges are `plus.top`, the
+    surface of the Earth, `plus.bottom`, `plus.far`, and those of `minus`.
     """
 
     example: ClassVar[str] = (
