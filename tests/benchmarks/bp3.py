@@ -9,7 +9,7 @@ finite elements but the parameters. Slip of the run and their matrix give the ch
 below its upper end a thrust is pressed together there, a normal fault pulled apart.
 
 Coarse: twice the D_c of the problem, to the first event, nodes 250 m apart. With `--fine` that of the problem, nodes
-125 m apart, and again with far edges of the hanging wall that are free, so that only the creep below the fault loads it.
+125 m apart, and again with free far edges of the hanging wall, so that only the creep below the fault loads it.
 
 Source: Erickson et al. (2023), Incorporating full elastodynamic effects and dipping fault geometries in community code
 verification exercises for simulations of SEAS, Bull. Seismol. Soc. Am. 113, 499-523.
@@ -132,12 +132,13 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         own = "boundary integrals"
         checks += [
             Check(f"{name}: first event", expected.onset / YEAR, first.onset / YEAR, close, "a", own, relative=True),
-            Check(f"{name}: depth of nucleation", expected.depth, first.depth, 0.05, "m", own, relative=True),
             Check(f"{name}: change of normal stress, largest misfit over peak", 0.0, off, 0.02, "1", own),
             Check(f"{name}: normal stress at the surface, sign", sense, np.sign(ours.pressure[0]), 0, "1", own),
             Check(f"{name}: energy closure", 0.0, ours.closure, 1e-8, "1", "exact"),
         ]  # fmt: skip
-        if fine:
+        if fine:  # with twice the D_c the zone is half of the fault, and the largest rate at either end of it
+            depth = f"{name}: depth of nucleation"
+            checks.append(Check(depth, expected.depth, first.depth, 0.05, "m", own, relative=True))
             free = march(problem(dip, sense, spacing, D_c, False)).cycles.events[0]
             quantity = f"{name}: first event, free far edges"
             checks.append(Check(quantity, first.onset / YEAR, free.onset / YEAR, 0.01, "a", "own run", relative=True))

@@ -11,11 +11,14 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from helpers.messages import facts
 from helpers.small_cases import COMPLIANT, HOMALITE
 
 from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import CaseError, alternatives
 from ruptfx.interfaces.slip_histories._subfaults import FiniteFault
+from ruptfx.interfaces.slip_histories.fsp import Fsp
+from ruptfx.interfaces.slip_histories.srf import Srf
 from ruptfx.platform import fem
 from ruptfx.run.model import Model
 
@@ -127,3 +130,50 @@ def test_contact_with_springs_slips_as_prescribed(tmp_path: Path) -> None:
     jump = fault.interface.jump(displacement)[:, 1]
     np.testing.assert_allclose(fields["shear_traction"], 100e9 * (jump - wanted[:, 0]), rtol=1e-9)
     assert time > 1e-6 and np.abs(fields["shear_traction"]).max() > 1e4
+
+
+def test_delay_is_added_to_all_times(tmp_path: Path) -> None:
+    """With a delay of 1 us slip at 2 us is that of 1 us without it, which is not that of 2 us."""
+    entry, mesh = example("srf", tmp_path)
+    early, late = (Model(made, fem.MPI.COMM_SELF).faults[0].prescribed for made in (
+        parse_case(table(mesh, [{**entry, **more}]), tmp_path) for more in ({}, {"delay": 1e-7})
+    ) if isinstance(made, Case))  # fmt: skip
+    assert early is not None and late is not None
+    for time in (0.5e-7, 2e-7, 4e-7):
+        np.testing.assert_allclose(late.slip(time + 1e-7), early.slip(time), rtol=1e-9, atol=1e-16)
+    assert np.abs(late.slip(2e-7) - early.slip(2e-7)).max() > 0.1 * np.abs(early.slip(2e-7)).max()
+
+
+def test_planes_of_a_file_are_counted_from_zero(tmp_path: Path) -> None:
+    """Two planes, of one and two subfaults: 2 and 3 m long, with rakes of 10, and of 20 and 30 degrees."""
+    point = "-118 34 0 0 90 1 0.5 0.1\n{} 5 1 0 0 0 0\n50\n"  # 5 cm: one sample of 50 cm/s in 0.1 s
+    (tmp_path / "two.srf").write_text(
+        "1.0\nPLANE 2\n-118 34 1 1 0.002 0.001\n0 90 0 0 0\n-118 34 2 1 0.006 0.001\n0 90 0 0 0\nPOINTS 3\n"
+        + "".join(point.format(rake) for rake in (10, 20, 30))
+    )
+    first, second = (Srf(file=str(tmp_path / "two.srf"), plane=plane).model() for plane in (0, 1))
+    assert (first.length, second.length) == pytest.approx((2.0, 3.0))
+    np.testing.assert_allclose(first.rake, [[10.0]])
+    np.testing.assert_allclose(second.rake, [[20.0, 30.0]])
+    np.testing.assert_allclose(second.course(np.array([0, 1]), np.array([0.05, 9.0]))[0][0], [0.00625, 0.05])
+    with pytest.raises(ValueError, match=facts("two.srf: has 2 planes, and plane = 2")):
+        Srf(file=str(tmp_path / "two.srf"), plane=2).model()
+
+
+def test_rupture_speed_and_rise_time_stand_in_for_those_of_the_file(tmp_path: Path) -> None:
+    """Subfaults of 2 km; the hypocentre is the middle of the first: the second begins 2 km / 2.5 km/s later."""
+    rows = "".join(f" 34 -118 0 {y} 0 0.8 0 999 999\n" for y in (1, 3))
+    (tmp_path / "unknown.fsp").write_text(
+        "% Mech : STRK = 0 DIP = 90 RAKE = 0 Htop = 0 km\n% Rupt : HypX = 1 km HypZ = 1 km\n% Invs : Nx = 2 Nz = 1\n"
+        "% Invs : Dx = 2 km Dz = 2 km\n% Nsg = 1\n%   LAT  LON  X==EW  Y==NS  Z  SLIP  RAKE  TRUP  RISE\n" + rows
+    )
+    file = str(tmp_path / "unknown.fsp")
+    model = Fsp(file=file, rise_time=4.0, rupture_speed=2500.0).model()
+    np.testing.assert_allclose(model.onset, [[0.0, 0.8]])
+    # 0.2 m/s but for the first and the last 0.4 s, which lie half beyond the rise time: 0.4 m after 2.2 s.
+    grown, rate = model.course(np.array([0, 1, 1]), np.array([2.2, 2.2, 4.5]))
+    np.testing.assert_allclose(grown[0], [0.4, 0.4, 0.8], rtol=1e-9)
+    np.testing.assert_allclose(rate[0], [0.2, 0.2, 0.0], rtol=1e-9)
+    for entry, key in (({"rise_time": 4.0}, "rupture_speed"), ({"rupture_speed": 2500.0}, "rise_time")):
+        with pytest.raises(ValueError, match=key):
+            Fsp(file=file, **entry).model()

@@ -26,6 +26,7 @@ from ruptfx.bodies.state import State
 from ruptfx.case import Case
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces import section
+from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.mechanisms.checks.table import Row
 from ruptfx.interfaces.section import Section
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
@@ -36,9 +37,9 @@ from ruptfx.results.record import Record
 from ruptfx.run.model import Model
 from ruptfx.run.recording.recorder import Recorder
 from ruptfx.run.simulation import simulate
-from ruptfx.stepping.implicit import ConvergenceError, strike_series
+from ruptfx.stepping.implicit import ConvergenceError, series_bodies, strike_series
 from ruptfx.stepping.implicit.strike_series import StrikeSeries
-from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamicMotion
+from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamicMotion, SeriesMotion
 
 pytestmark = pytest.mark.fem
 
@@ -240,6 +241,26 @@ def test_fault_that_creeps_as_a_whole_is_the_antiplane_one(monkeypatch: pytest.M
 def test_refusals(changes: dict[str, object], words: str) -> None:
     with pytest.raises((CaseError, ValidationError), match=f"(?s){words}"):
         faulted(changes)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_contact_varies_down_dip_only(axis: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compliance that is 1e-13 m/Pa times one plus a tenth of the depth (x), or of the position along strike (z)."""
+    case = faulted()
+    model = Model(case, fem.MPI.COMM_SELF)
+
+    def compliance(fault: Fault) -> np.ndarray:
+        return 1e-13 * np.outer(1 + 0.1 * fault.interface.points[:, axis], [1.0, 1.0, 2.0])
+
+    monkeypatch.setattr(series_bodies, "compliance", compliance)
+    if axis == 2:
+        with pytest.raises(CaseError, match=facts("faults.contact: .* C_n and C_s")):
+            case.stepper.bind(model)
+        return
+    motion = case.stepper.bind(model)
+    assert isinstance(motion, SeriesMotion)
+    contact = motion._bodies._contact  # the surface first, 4 m down dip last
+    np.testing.assert_allclose(contact[[0, 4, -1]], 1e-13 * np.outer([1.0, 1.2, 1.4], [1.0, 1.0, 2.0]), rtol=1e-9)
 
 
 def test_refuses_matrices_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -71,7 +71,9 @@ class LoadedBodies:
         self._compliance = jumps.gather({fault.name: compliance(fault) for fault in faults})
         c = self._compliance.ravel()
         factors = lu_factor(S * (1 - k * c) + np.diag(c), overwrite_a=True)
-        self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
+        self._by_jump, by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
+        along = np.arange(size).reshape(jumps.points, jumps.local)[:, shear].ravel()  # slip has no normal component
+        self._by_slip = np.ascontiguousarray(by_slip[:, along])
         own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, shear]
         self.prescribed = np.any(own < IMMOBILE * own.max(), axis=1)
         model = self._model
@@ -82,18 +84,21 @@ class LoadedBodies:
         )
         self._reference = self._loads(time), self._jump_under(self._loads(time), time)
 
-    def traction(self, loaded: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    def held(self, jump: np.ndarray) -> np.ndarray:
+        """Return T - T_0 [Pa] without slip from `loaded_jump` [m], both of shape (points, local); it is linear."""
+        return np.asarray((self._by_jump @ jump.ravel()).reshape(jump.shape))
+
+    def traction(self, held: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return T - T_0 [Pa], shape (points, local).
 
         Parameters
         ----------
-        loaded : ndarray, shape (points, local)
-            Jump under the loads with stuck interfaces, `loaded_jump` [m].
+        held : ndarray, shape (points, local)
+            That without slip [Pa].
         slip : ndarray, shape (points, tangents)
             [m]
         """
-        traction = self._by_jump @ loaded.ravel() - self._by_slip @ np.pad(slip, self._normal).ravel()
-        return np.asarray(traction.reshape(loaded.shape))
+        return np.asarray(held - (self._by_slip @ slip.ravel()).reshape(held.shape))
 
     def loaded_jump(self, time: float) -> np.ndarray:
         """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.

@@ -114,18 +114,22 @@ class SeriesBodies:
         jump = self._loaded(time).jump
         return np.array(np.broadcast_to(jump, (self._grid[0], *jump.shape)).reshape(-1, 3)[self._place])
 
-    def traction(self, loaded: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    def held(self, jump: np.ndarray) -> np.ndarray:
+        """Return T - T_0 [Pa] without slip from `loaded_jump` [m], both of shape (points, local); it is linear."""
+        traction = self.series.held(self._on_grid(jump)[0])
+        return np.array(np.broadcast_to(traction, (self._grid[0], *traction.shape)).reshape(-1, 3)[self._place])
+
+    def traction(self, held: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return T - T_0 [Pa], shape (points, local); collective.
 
         Parameters
         ----------
-        loaded : ndarray, shape (points, local)
-            Jump under the loads with stuck interfaces, `loaded_jump` [m].
+        held : ndarray, shape (points, local)
+            That without slip [Pa].
         slip : ndarray, shape (points, tangents)
             [m]
         """
-        traction = self.series.held(self._on_grid(loaded)[0]) - self.series.traction(self._on_grid(slip))
-        return np.asarray(traction.reshape(-1, 3)[self._place])
+        return np.asarray(held - self.series.traction(self._on_grid(slip)).reshape(-1, 3)[self._place])
 
     def displacement(
         self, moved: np.ndarray, time: float, slip: np.ndarray, traction: np.ndarray

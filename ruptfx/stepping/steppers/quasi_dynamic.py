@@ -183,10 +183,11 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         for fault in self.model.faults:
             self._evolutions[fault.name].begin(state, dt)
         loaded, later = self._bodies.loaded_jump(time), self._bodies.loaded_jump(time + dt)
-        growth = (later - loaded) / dt  # loads are linear in time over a step
+        # Loads are linear in time over a step, and so are the tractions without slip.
+        growth, held, more = (later - loaded) / dt, self._bodies.held(loaded), self._bodies.held(later - loaded)
 
         def slope(part: float, y: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-            slopes, *answer = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
+            slopes, *answer = self._slope(time + part * dt, held + part * more, growth, y)
             if part == 0 and not np.isfinite(slopes).all():  # no step is short enough
                 parallel.raise_on_all(self.model.comm, self._unbalanced)
             return slopes, (answer[0], answer[1])
@@ -223,7 +224,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         return np.pad(errors, ((0, 0), (0, self._states - evolution.columns)))
 
     def _slope(
-        self, time: float, loaded: np.ndarray, growth: np.ndarray, y: np.ndarray
+        self, time: float, held: np.ndarray, growth: np.ndarray, y: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rates of slip and state, tractions beyond the initial ones, and slip rates of all points.
 
@@ -231,7 +232,7 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         """
         shear, y = y.shape[1] - self._states, y.copy() if self._held.any() else y
         self._follow(time, y)
-        traction = parallel.agreed(self.model.comm, self._bodies.traction(loaded, y[:, :shear]))
+        traction = parallel.agreed(self.model.comm, self._bodies.traction(held, y[:, :shear]))
         result, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
