@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks._cycles import Cycles
-from benchmarks._half_space_fault import HalfSpaceFault
+from benchmarks._half_space_fault import DippingFault, HalfSpaceFault, edge_dislocation
 
 G, C_S, SIGMA, V_P = 32e9, 3464.0, 50e6, 1e-9
 
@@ -25,6 +25,33 @@ def test_stress_of_a_surface_dislocation() -> None:
     z = 0.5 * (cells[1:] + cells[:-1])
     expected = G * s / (2 * np.pi) * (1 / (z - D) - 1 / (z + D))
     np.testing.assert_allclose(fault(cells).stiffness() @ np.where(z < D, s, 0.0), expected, rtol=1e-10)
+
+
+def test_stress_of_an_edge_dislocation() -> None:
+    """Far below the surface sigma_xy = G b / (2 pi (1 - nu) x) ahead of it; the surface has no traction."""
+    at, b, nu = np.array([3e3 - 1e9j]), 2.0, 0.25
+    xx, yy, xy = edge_dislocation(at + 500.0, at, b + 0j, G, nu).ravel()
+    assert xy == pytest.approx(G * b / (2 * np.pi * (1 - nu) * 500.0), rel=1e-5)
+    assert abs(xx) < 1e-5 * xy and abs(yy) < 1e-5 * xy
+    surface = np.linspace(-5e3, 5e3, 21) + 0j
+    stress = edge_dislocation(surface, np.array([300.0 - 2e3j]), 1.0 + 0.5j, G, nu)
+    assert np.abs(stress[1:]).max() < 1e-12 * np.abs(stress[0]).max()
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_stress_of_a_dipping_fault(sense: float) -> None:
+    """Slip takes shear stress away where it is; locked above slip, a thrust is pressed together and a normal fault not.
+
+    In the middle of a deep cell of the width w the shear stress by its own slip is -2 G / (pi (1 - nu) w).
+    """
+    cells = np.linspace(0, 20e3, 101)
+    dipping = DippingFault(
+        cells, np.full(100, 0.01), 0.015, 8e-3, 0.6, 1e-6, SIGMA, G, C_S, V_P, 3e7, np.deg2rad(60.0), 0.25, sense
+    )  # fmt: skip
+    K, N = dipping.stiffness(), dipping.normal_stiffness()
+    assert K[-1, -1] == pytest.approx(-2 * G / (np.pi * 0.75 * 200.0), rel=0.01)
+    locked = np.where(cells[:-1] < 10e3, -1.0, 0.0)  # slip less than that of the plates
+    assert np.all(sense * (N @ locked)[:20] > 0) and np.all((K @ locked)[:49] > 0)
 
 
 def test_age_and_slip_rate_are_inverse_and_steady() -> None:

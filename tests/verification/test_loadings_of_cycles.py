@@ -1,4 +1,4 @@
-"""Cycles are the same whether the creep below a fault loads it, by prescribed slip, or far edges move with the plates."""
+"""Cycles are the same whether prescribed creep below a fault loads it, or far edges move with the plates."""
 
 from __future__ import annotations
 
