@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save_numbers
 from ruptfx.case import parse_case, read_toml
 from ruptfx.results.analysis.asperities import asperities
 from ruptfx.results.figure_style import new_figure, save, style
@@ -52,15 +52,18 @@ data, patch = record.interface.load(), case.faults["main"].nucleation[0]
 position, after = data.position.values, data.rupture_time.values - patch.time
 closed = data.normal_stress.sel(time=patch.time, method="nearest").values > 0
 contacts = asperities(position, closed, after)
+numbers = {}
 width = max(contact.width for contact in contacts if abs(contact.center) < patch.half_width)
 for contact in contacts:
     edge = np.abs(position[contact.points]) - min(patch.half_width, 0.5 * width)  # from the edge of what has failed
     if np.all(edge > 0) and np.isfinite(contact.arrival):
         speed = (edge / after[contact.points])[np.isfinite(after[contact.points])]
+        place = f"contact at {1e3 * contact.center:.2f} mm"
         print(
-            f"{1e3 * contact.center:7.3f} mm: first slip after {1e6 * contact.arrival:.3f} us, "
-            f"{100 * contact.slipped:3.0f} % of its points slip, {speed.max():.0f} to {speed.min():.0f} m/s"
+            f"{place}: first slip after {1e6 * contact.arrival:.3f} us at {100 * contact.slipped:.0f} % of its points"
         )
+        numbers |= {f"{place}: fastest front": (speed.max(), "m/s"), f"{place}: slowest front": (speed.min(), "m/s")}
+save_numbers(record.path / "figures", numbers)
 
 # %%
 with style():

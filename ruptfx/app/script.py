@@ -88,10 +88,11 @@ def number_text(value: str | float | tuple[float, str] | list[Any]) -> str:
     """Return a result of `save_numbers` as text, with its unit."""
     if isinstance(value, str):
         return value
-    if isinstance(value, float | int):
-        return f"{value:.3g}"
-    number, unit = value
-    return with_prefix(number, unit) if unit in ("m", "s") else f"{number:.3g} {unit}"
+    number, unit = (value, "") if isinstance(value, float | int) else value
+    if unit in ("m", "s"):
+        return with_prefix(number, unit)
+    digits = ".0f" if 1e3 <= abs(number) < 1e5 else ".3g"  # no power of ten for speeds and the like
+    return f"{number:{digits}} {unit}".rstrip()
 
 
 def _shown(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

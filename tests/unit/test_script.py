@@ -51,7 +51,15 @@ def test_numbers_are_saved_and_printed_with_their_units(
 ) -> None:
     monkeypatch.delenv("OMPI_COMM_WORLD_RANK", raising=False)
     slip = np.float64(2e-6), "m"
-    save_numbers(tmp_path, {"mode": "crack", "ratio": np.float64(0.25), "slip": slip, "Q": (19, "1/s")})
+    save_numbers(
+        tmp_path, {"mode": "crack", "ratio": np.float64(0.25), "slip": slip, "Q": (19, "1/s"), "c": (1792.3, "m/s")}
+    )
     saved = json.loads((tmp_path / "numbers.json").read_text())
-    assert saved == {"mode": "crack", "ratio": 0.25, "slip": [2e-6, "m"], "Q": [19.0, "1/s"]}
-    assert capsys.readouterr().out.splitlines() == ["mode: crack", "ratio: 0.25", "slip: 2 um", "Q: 19 1/s"]
+    assert saved == {"mode": "crack", "ratio": 0.25, "slip": [2e-6, "m"], "Q": [19.0, "1/s"], "c": [1792.3, "m/s"]}
+    assert capsys.readouterr().out.splitlines() == [
+        "mode: crack",
+        "ratio: 0.25",
+        "slip: 2 um",
+        "Q: 19 1/s",
+        "c: 1792 m/s",
+    ]
