@@ -20,7 +20,8 @@ class State:
     time, step : float, int
         Time [s] of the displacement and number of steps done.
     displacement, velocity, force : ndarray, shape (nodes * components,)
-        Velocity is half of `lag` behind the displacement; `force` is the internal force of the current step.
+        Velocity is half of `lag` behind the displacement; `force` is the internal force of the current step. Both are
+        of the type `System.real`, floats in single precision; displacements are doubles.
     faults : dict of str to dict of ndarray
         Fields of every fault by name, `lag` behind the displacement.
     cracks : dict of ndarray

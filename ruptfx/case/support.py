@@ -438,6 +438,13 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
     Row("fracture", "bodies do not break in its steps", shown="stepper", swap=BY_STEPPER),
     _implicit_facets,
     Row("large_rotations", "{stepper} is for small rotations", swap=BY_STEPPER, drop=("large_rotations",)),
+    Row("precision", "'single' is for explicit steps, not for {stepper}", swap=BY_STEPPER, drop=("precision",)),
+    *(Row("precision", reason, beside=feature, drop=("precision", feature)) for feature, reason in {
+        "fracture": "'single' is not for bodies that break: they must be bitwise identical on any number of ranks",
+        "large_rotations": "'single' is for small rotations: the strain of bodies that turn has too few digits",
+        "sliding": "'single' is not for surfaces that slide far, whose step computes with all velocities in double",
+        "objective": "'single' is not for gradients, whose small terms it would round away",
+    }.items()),
     Row("sliding", "with [fracture] interfaces join the facets that they begin with", beside="fracture",
         drop=("sliding",)),
     _rigid_facets, _planes, _materials,

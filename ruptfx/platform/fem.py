@@ -373,19 +373,30 @@ class SharedVector:
 
     If every cell has its own nodes, there is no sum: ghosts receive the values of their owner.
 
+    Parameters
+    ----------
+    space : FunctionSpace
+    real : dtype
+        Type of its numbers; sums are those of doubles.
+    shared : ndarray of bool, shape (local nodes,)
+        True at nodes shared with other ranks.
+
     Attributes
     ----------
     array : ndarray, shape (local dofs,)
         Between `begin` and `end` the entries of nodes shared with other ranks must not be modified.
     """
 
-    def __init__(self, space: dolfinx.fem.FunctionSpace) -> None:
+    def __init__(self, space: dolfinx.fem.FunctionSpace, real: np.dtype, shared: np.ndarray) -> None:
         owned, block = space.dofmap.index_map, space.dofmap.index_map_bs
         # Long arrays of NumPy are in huge pages, those of DOLFINx are not; they make large steps 4 % longer.
-        self.array = np.empty((owned.size_local + owned.num_ghosts) * block)
+        self.array = np.empty((owned.size_local + owned.num_ghosts) * block, dtype=real)
         self.array[:] = 0
+        self._shared = np.flatnonzero(np.repeat(shared, block))
+        # PETSc sums doubles; of a second array only the pages of shared nodes are ever used.
+        self._doubles = self.array if real == np.float64 else np.zeros(len(self.array))
         self._vector: Any = None if space.mesh.comm.size == 1 else PETSc.Vec().createGhostWithArray(
-            owned.ghosts.astype(PETSc.IntType), cast("Any", self.array),
+            owned.ghosts.astype(PETSc.IntType), cast("Any", self._doubles),
             size=(owned.size_local * block, owned.size_global * block), bsize=block, comm=owned.comm,
         )  # fmt: skip
         self._sums = not space.element.basix_element.discontinuous
@@ -395,6 +406,8 @@ class SharedVector:
     def begin(self) -> None:
         """Start to send the contributions of this rank to nodes of others."""
         if self._vector is not None:
+            if self._doubles is not self.array:
+                self._doubles[self._shared] = self.array[self._shared]
             self._vector.ghostUpdateBegin(*self._way)
 
     def end(self) -> None:
@@ -403,3 +416,5 @@ class SharedVector:
             self._vector.ghostUpdateEnd(*self._way)
         if self._vector is not None and self._sums:
             self._vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        if self._doubles is not self.array:
+            self.array[self._shared] = self._doubles[self._shared]

@@ -37,6 +37,7 @@ from ruptfx.laws.contact import Way
 from ruptfx.laws.materials import WaveSpeeds
 from ruptfx.laws.materials.traced import TracedMaterial, traced
 from ruptfx.platform import fem, parallel
+from ruptfx.platform.codegen.native import DOUBLE
 from ruptfx.run.faults import make_fault
 from ruptfx.run.viscous_layer import viscous_layer
 
@@ -98,9 +99,10 @@ class Model(System):
             self.bodies.cell_body,
             large_rotations=case.large_rotations,
             variation=self.variation,
+            real=case.real,
         )
         self.operator = operators.create(case.operator, self.bulk, case.loaded)
-        self.force = fem.SharedVector(self.space)
+        self.force = fem.SharedVector(self.space, self.real, self.layout.shared)
         self.placed: dict[str, FaultCase] = {}  # what the case says of the faults, with positions instead of points
         self.faults = []
         for name, fault in case.faults.items():
@@ -167,7 +169,7 @@ class Model(System):
                 continue
             try:
                 found[name] = MemorySweep(
-                    replace(self.bulk, only=only), material, f"materials.{name}", number, self.layout.shared
+                    replace(self.bulk, only=only, real=DOUBLE), material, f"materials.{name}", number, self.layout.shared
                 )
             except RuptfxError as caught:  # the elements of a rank may differ
                 error = caught
@@ -181,7 +183,7 @@ class Model(System):
         zero = np.zeros(self.nodes * self.components)
         self.force.array[:] = 0
         velocity = self.initial_velocity()
-        state = State(zero, velocity, self.force.array, {})
+        state = State(zero, velocity.astype(self.real, copy=False), self.force.array, {})
         for each in self.mechanisms:
             state.energy |= {energy.name: 0.0 for energy in each.energies if energy.name not in state.energy}
             each.begin(state)

@@ -16,6 +16,7 @@ from ruptfx.input.plugins import Plugin, active
 from ruptfx.input.schema import CaseError, from_outside, kinds, nearest, own_module
 from ruptfx.laws.materials import Material, Plane
 from ruptfx.laws.materials.stiffness import linear_stiffness
+from ruptfx.platform.codegen.native import DOUBLE
 
 if TYPE_CHECKING:
     from ruptfx.bodies.space.variation import Variation
@@ -44,6 +45,8 @@ class Bulk:
         True for Biot strains, U - 1, instead of the symmetric gradient.
     variation : Variation or None
         Parameters of materials that vary in the bodies.
+    real : dtype
+        Type of velocities and forces, and of the numbers of operators that compute in either.
     """
 
     space: fem.dolfinx.fem.FunctionSpace
@@ -53,6 +56,7 @@ class Bulk:
     only: np.ndarray | None = None
     large_rotations: bool = False
     variation: Variation | None = None
+    real: np.dtype = DOUBLE
 
     def material_in_forms(self, index: int) -> Material:
         """Return a material with functions in place of parameters that vary."""
@@ -289,7 +293,13 @@ def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:
             raise CaseError(f"operator = '{kind}': unknown, {nearest(kind, kinds('ruptfx.bodies.operators'))}")
         outside = from_outside("ruptfx.bodies.operators", kind)
     name = "".join(word.capitalize() for word in kind.split("_"))
-    made = (outside or getattr(own_module("ruptfx.bodies.operators", kind), name))(bulk)
+    cls = outside or getattr(own_module("ruptfx.bodies.operators", kind), name)
+    if bulk.real != DOUBLE and not getattr(cls, "any_precision", False):
+        raise CaseError(
+            f"precision = 'single': operator = '{kind}' computes in double precision; remove the line, or use operator "
+            "= 'matrix_free'"
+        )
+    made = cls(bulk)
     if bulk.large_rotations and not isinstance(made, EnergyOperator):
         raise CaseError(
             f"operator = '{kind}': has no strain energy of bodies that turn, which large_rotations needs; use "

@@ -55,7 +55,7 @@ def numbers(
     width = width[kind] + moduli * nodes * varies
     kind[varies] += VARYING
     start = np.r_[0, np.cumsum(width + moduli)].astype(np.int64)
-    number = native.aligned((int(start[-1]), lanes))
+    number = native.aligned((int(start[-1]), lanes), bulk.real)
     for value in np.unique(kind):
         batches = np.flatnonzero(kind == value)
         for part in _slices(len(batches)):
@@ -117,9 +117,9 @@ def _rings(space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, p
     return np.concatenate([2 * np.pi * np.where(axis, 0.0, radius), inverse, sizes], axis=-1)
 
 
-def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
+def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray, real: np.dtype = native.DOUBLE) -> np.ndarray:
     """Return the root of |det J| of cells with parallel edges, in the shape of `cells`."""
-    root = native.aligned(cells.shape)
+    root = native.aligned(cells.shape, real)
     for part in _slices(len(cells)):
         jacobian, _ = _shape(_corners(mesh, cells[part]), is_tensor(mesh))
         root[part] = np.sqrt(np.abs(np.linalg.det(jacobian)))

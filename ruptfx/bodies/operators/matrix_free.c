@@ -7,6 +7,8 @@
 // VARIES: there are elements in which moduli vary; the kind of their batches is that of the geometry plus VARYING.
 // ANISOTROPIC: the moduli of an element are the rows of its stiffness up to the diagonal; else lambda and the shear modulus.
 //
+// LANE and REAL, of lanes.c: displacements and shares of the force that are not elastic are doubles, all else may be floats.
+//
 // Every lane of a vector is another element.  Per element: gather, reference gradient along one direction after the
 // other (sum factorisation), stress, transposed gradient, scatter.
 
@@ -62,7 +64,7 @@ struct inelastic {
     double dt, *force, *power;
 };
 
-struct matrix { double even[H + 1][H + 1], odd[H + 1][H + 1]; };
+struct matrix { lane even[H + 1][H + 1], odd[H + 1][H + 1]; };
 TABLES
 
 // -- geometry and material ------------------------------------------------------------------------------------------
@@ -88,7 +90,7 @@ INLINE lanes adjugate(lanes j[DIM][DIM], lanes g[DIM][DIM])
 }
 
 // Tangent vectors j[d] = dx / d xi_d of a cell with straight edges; geometry holds the coefficients of its corners' map.
-INLINE void tangents(const lanes *geometry, const double xi[DIM], lanes j[DIM][DIM])
+INLINE void tangents(const lanes *geometry, const lane xi[DIM], lanes j[DIM][DIM])
 {
     UNROLL for (int a = 0; a < DIM; a++) {
 #if DIM == 2
@@ -247,7 +249,7 @@ INLINE void turned_flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes inve
 #endif
 
 // Axisymmetric, `hoop` is the radial displacement and becomes the force that the stress around the axis gives it.
-INLINE void flux_at(const int kind, struct cell *cell, int node, const double xi[DIM], lanes *hoop,
+INLINE void flux_at(const int kind, struct cell *cell, int node, const lane xi[DIM], lanes *hoop,
                     lanes p[DIM][COMPONENTS])
 {
     const int geometry = GEOMETRY(kind);
@@ -298,19 +300,45 @@ INLINE void flux_at(const int kind, struct cell *cell, int node, const double xi
 
 // -- gather and scatter ---------------------------------------------------------------------------------------------
 
-INLINE lanes gather_single(const double *field, const int *dof)
-{
-    lanes x;
-    UNROLL for (int l = 0; l < LANES; l++) x[l] = field[dof[l]];
-    return x;
-}
-
-INLINE void gather(const double *field, const int *dof, lanes x[COMPONENTS])
+// The field at nodes, `LANES` numbers of each component, or WIDE of them.
+INLINE void gather(const real *field, const int *dof, lanes x[COMPONENTS])
 {
 #if COMPONENTS > 1
     gather_couples(field, dof, x);
 #endif
-    if (COMPONENTS != 2) x[COMPONENTS - 1] = gather_single(field + COMPONENTS - 1, dof);
+    if (COMPONENTS != 2)
+        UNROLL for (int l = 0; l < LANES; l++) x[COMPONENTS - 1][l] = field[dof[l] + COMPONENTS - 1];
+}
+
+INLINE void gather_wide(const double *field, const int *dof, wide x[COMPONENTS])
+{
+#if COMPONENTS > 1
+    gather_wide_couples(field, dof, x);
+#endif
+    if (COMPONENTS != 2)
+        UNROLL for (int l = 0; l < WIDE; l++) x[COMPONENTS - 1][l] = field[dof[l] + COMPONENTS - 1];
+}
+
+// The displacement of a node; as floats without that of the first node of the element, which strains nothing: digits are
+// lost of the strain then, and none in a translation. The stress around an axis needs the whole radial displacement.
+INLINE void gather_displacement(const double *field, const int *dof, wide first[COMPONENTS][PARTS], const int is_first,
+                                lanes x[COMPONENTS])
+{
+#if LANE == 8
+    (void)first, (void)is_first;
+    gather_wide(field, dof, x);
+#else
+    wide of_parts[PARTS][COMPONENTS];
+    UNROLL for (int p = 0; p < PARTS; p++) gather_wide(field, dof + p * WIDE, of_parts[p]);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) {
+        wide y[PARTS];
+        UNROLL for (int p = 0; p < PARTS; p++) {
+            if (is_first) first[c][p] = AXISYMMETRIC && c == 1 ? (wide){0} : of_parts[p][c];
+            y[p] = of_parts[p][c] - first[c][p];
+        }
+        x[c] = narrow(y);
+    }
+#endif
 }
 
 #define EACH_SINGLE(dof, x, DO) \
@@ -322,23 +350,51 @@ INLINE void gather(const double *field, const int *dof, lanes x[COMPONENTS])
 #else
 #define EACH(dof, x, DO) EACH_COUPLE(dof, x, DO) EACH_SINGLE(dof, x, DO)
 #endif
-typedef double single;
+typedef lane single;
 
-INLINE void scatter_add(double *field, const int *dof, const lanes x[COMPONENTS])
+INLINE void scatter_add(real *field, const int *dof, const lanes x[COMPONENTS])
 {
 #define ADD(type, place, y) *(type *)(field + place) += (type)y;
     EACH(dof, x, ADD)
 }
 
+// The same for a share of the force.
+INLINE void scatter_share(double *field, const int *dof, const lanes x[COMPONENTS])
+{
+#if LANE == 8
+    scatter_add(field, dof, x);
+#else
+    UNROLL for (int l = 0; l < LANES; l++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++) field[dof[l] + c] += x[c][l];
+#endif
+}
+
 // Cache lines that the next batch is the first to touch: nothing else would ask for them, as the nodes of elements follow no
 // pattern that a machine sees.  They are asked for a few at a time while this batch computes: a core can wait for few at once.
-struct ahead { const double *displacement, *force; const int *line; };
+struct ahead { const double *displacement; const real *force; const int *line; };
+#define LINE (64L / (long)sizeof(real))  // numbers of a line of forces
 
 INLINE void ask(const struct ahead *ahead, const int node, const int count)
 {
     UNROLL for (int k = node * FETCH; k < (node + count) * FETCH; k++) {
-        __builtin_prefetch(ahead->displacement + 8L * ahead->line[k], 0);
-        __builtin_prefetch(ahead->force + 8L * ahead->line[k], 1);
+        UNROLL for (int p = 0; p < LINE / 8; p++)
+            __builtin_prefetch(ahead->displacement + LINE * ahead->line[k] + 8 * p, 0);
+        __builtin_prefetch(ahead->force + LINE * ahead->line[k], 1);
+    }
+}
+
+// Those of all nodes of an element.
+INLINE void gather_displacements(const double *field, const int *dof, const struct ahead *ahead, lanes u[COMPONENTS][NODES])
+{
+    wide first[COMPONENTS][PARTS];
+    lanes x[COMPONENTS];
+    if (ORDER == 1 && ahead) ask(ahead, 0, 1);
+    gather_displacement(field, dof, first, 1, x);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][0] = x[c];
+    KEEP for (int node = 1; node < NODES; node++) {
+        if (ORDER == 1 && ahead) ask(ahead, node, 1);
+        gather_displacement(field, dof + node * LANES, first, 0, x);
+        UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
     }
 }
 
@@ -426,9 +482,9 @@ INLINE void apply_plane(const int geometry, struct cell *cell, const struct ahea
                 p[DIM - 1][c] = last[c][q];
             }
 #if DIM == 2
-            const double xi[2] = {POINT[line / N], POINT[q]};
+            const lane xi[2] = {POINT[line / N], POINT[q]};
 #else
-            const double xi[3] = {POINT[plane / (N * N)], POINT[line / N], POINT[q]};
+            const lane xi[3] = {POINT[plane / (N * N)], POINT[line / N], POINT[q]};
 #endif
             flux_at(geometry, cell, node, xi, hoop + q, p);
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
@@ -461,23 +517,27 @@ INLINE void apply(const int geometry, const lanes *number, const struct ahead *a
 }
 #endif
 
-// Forces of one batch.
-INLINE void batch_force(const int geometry, const struct plan *plan, long b, const double *displacement, double *force)
+// Forces of one batch: of the displacement, or, as a share, of the velocity.
+INLINE void batch_force(const int geometry, const int is_share, const struct plan *plan, long b, const void *field, void *force)
 {
     const int *dof = plan->dof + b * NODES * LANES;
-    const struct ahead ahead = {displacement, force, plan->line + (b + 1) * NODES * FETCH};
+    const struct ahead ahead = {field, force, plan->line + (b + 1) * NODES * FETCH};
+    const struct ahead *const next = is_share ? 0 : &ahead;
     lanes u[COMPONENTS][NODES];
-    KEEP for (int node = 0; node < NODES; node++) {
-        if (ORDER == 1) ask(&ahead, node, 1);
+    if (!is_share) gather_displacements(field, dof, next, u);
+    KEEP for (int node = 0; is_share && node < NODES; node++) {
         lanes x[COMPONENTS];
-        gather(displacement, dof + node * LANES, x);
+        gather(field, dof + node * LANES, x);
         UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
     }
-    apply(geometry, plan->number + plan->start[b], &ahead, u);
+    apply(geometry, plan->number + plan->start[b], next, u);
     KEEP for (int node = 0; node < NODES; node++) {
         lanes x[COMPONENTS];
         UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
-        scatter_add(force, dof + node * LANES, x);
+        if (is_share)
+            scatter_share(force, dof + node * LANES, x);
+        else
+            scatter_add(force, dof + node * LANES, x);
     }
 }
 
@@ -485,28 +545,28 @@ INLINE void batch_force(const int geometry, const struct plan *plan, long b, con
 #define VISCID (SIMPLEX && COMPONENTS == DIM && !LARGE_ROTATIONS)
 #if VISCID
 static void add_damped_force(const struct plan *plan, long first, long last, double eta, const double *displacement,
-                             const double *velocity, double *force, double *viscous)
+                             const real *velocity, real *force, double *viscous)
 {
     for (long b = first; b < last; b++) {
         const int *dof = plan->dof + b * NODES * LANES;
         const lanes *number = plan->number + plan->start[b];
         lanes u[COMPONENTS][NODES], v[COMPONENTS][NODES];
+        gather_displacements(displacement, dof, 0, u);
         UNROLL for (int node = 0; node < NODES; node++) {
-            lanes x[COMPONENTS], y[COMPONENTS];
-            gather(displacement, dof + node * LANES, x);
+            lanes y[COMPONENTS];
             gather(velocity, dof + node * LANES, y);
-            UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c], v[c][node] = y[c];
+            UNROLL for (int c = 0; c < COMPONENTS; c++) v[c][node] = y[c];
         }
         apply(AFFINE, number, 0, u);
         apply(AFFINE, number, 0, v);
         UNROLL for (int node = 0; node < NODES; node++) {
             lanes both[COMPONENTS], lost[COMPONENTS];
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
-                lost[c] = eta * MINUS_WEIGHT[node] * v[c][node];
+                lost[c] = (lane)eta * MINUS_WEIGHT[node] * v[c][node];
                 both[c] = MINUS_WEIGHT[node] * u[c][node] + lost[c];
             }
             scatter_add(force, dof + node * LANES, both);
-            scatter_add(viscous, dof + node * LANES, lost);
+            scatter_share(viscous, dof + node * LANES, lost);
         }
     }
 }
@@ -514,12 +574,12 @@ static void add_damped_force(const struct plan *plan, long first, long last, dou
 
 // -- what Python calls ----------------------------------------------------------------------------------------------
 
-void add_internal_force(const struct plan *plan, long first, long last, const double *u, double *force)
+INLINE void add_forces(const int is_share, const struct plan *plan, long first, long last, const void *field, void *force)
 {
     for (long b = first; b < last; b++)
         switch (plan->kind[b]) {
 #define CASE(geometry) \
-    case geometry: batch_force(geometry, plan, b, u, force); break;
+    case geometry: batch_force(geometry, is_share, plan, b, field, force); break;
             CASE(AFFINE)
 #if !SIMPLEX
             CASE(BOX)
@@ -535,12 +595,21 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
         }
 }
 
+void add_internal_force(const struct plan *plan, long first, long last, const double *u, real *force)
+{
+    add_forces(0, plan, first, last, u, force);
+}
+
 // The force -eta K v as a sweep of `inelastic`: the moduli of the plan are multiplied by eta, and in place of memory there is v.
 void add_viscous_sweep(const struct plan *plan, const struct memory *velocity, long first, long last, double dt,
                        const double *u, double *force)
 {
     (void)dt, (void)u;
+#if LANE == 8
     add_internal_force(plan, first, last, (const double *)velocity, force);
+#else
+    add_forces(1, plan, first, last, velocity, force);
+#endif
 }
 
 #if LARGE_ROTATIONS
@@ -614,20 +683,22 @@ double strain_energy(const struct plan *plan, long batches, const double *displa
 // is added here, and its power is summed for the old v and for the new one.
 enum { ELASTIC, VISCOUS, INELASTIC };
 struct motion {
-    double *displacement, *velocity, *force;
-    const double *inverse_mass;
+    double *displacement;
+    real *velocity, *force;
+    const real *inverse_mass;
     double dt, decay, *share, *lost, *power;
 };
 
 INLINE double advance_node(const int damped, const int kind, const int measured, const struct motion *motion, long node,
                            double *energy)
 {
-    const double inverse_mass = motion->inverse_mass[node], push = motion->dt * inverse_mass;
+    const lane inverse_mass = motion->inverse_mass[node], push = (lane)motion->dt * inverse_mass, decay = motion->decay;
     double square = 0;
     UNROLL for (long i = node * COMPONENTS; i < (node + 1) * COMPONENTS; i++) {
-        const double old = motion->velocity[i], share = kind ? motion->share[i] : 0;
-        const double force = kind == INELASTIC ? motion->force[i] + share : motion->force[i];
-        const double v = damped ? FUSED(motion->decay, old, push * force) : FUSED(push, force, old);
+        const double share = kind ? motion->share[i] : 0;
+        const lane old = motion->velocity[i];
+        const lane force = kind == INELASTIC ? motion->force[i] + (lane)share : motion->force[i];
+        const lane v = damped ? FUSED(decay, old, push * force) : FUSED(push, force, old);
         if (damped) square += (old + v) * (old + v);
         motion->velocity[i] = v;
         motion->displacement[i] += motion->dt * v;
@@ -640,40 +711,50 @@ INLINE double advance_node(const int damped, const int kind, const int measured,
     return damped ? 0.25 * square / inverse_mass : 0;
 }
 
-// The same for LANES nodes in a row; adds to the sums lane by lane.
+// The same for LANES nodes in a row; adds to the sums, doubles, lane by lane.
 INLINE void advance_row(const int damped, const int kind, const int measured, const struct motion *motion, long node,
-                        lanes *sum, lanes *lost, lanes *power, lanes *energy)
+                        wide *sum, wide *lost, wide *power, wide *energy)
 {
-    const lanes inverse_mass = *(const loose *)(motion->inverse_mass + node), push = motion->dt * inverse_mass;
-    const lanes quarter_mass = damped ? 0.25 / inverse_mass : push;
+#define EACH_PART UNROLL for (int p = 0; p < PARTS; p++)
+    const lanes inverse_mass = *(const loose *)(motion->inverse_mass + node), push = (lane)motion->dt * inverse_mass;
+    const lanes quarter_mass = damped ? (lane)0.25 / inverse_mass : push;
+    const lane decay = motion->decay;
     UNROLL for (int k = 0; k < COMPONENTS; k++) {
-        long_lanes pick;
+        whole_lanes pick;
         UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
         const long i = node * COMPONENTS + k * LANES;
         loose *const velocity = (loose *)(motion->velocity + i), *const at = (loose *)(motion->force + i);
         const lanes old = *velocity, pushed = __builtin_shuffle(push, pick);
-        lanes force = *at, share = {0};
-        if (kind) {
-            loose *const given = (loose *)(motion->share + i);
-            share = *given;
-            *given = (lanes){0};
+        lanes force = *at;
+        wide share[PARTS];
+        EACH_PART {
+            share[p] = (wide){0};
+            if (kind) {
+                loose_wide *const given = (loose_wide *)(motion->share + i + p * WIDE);
+                share[p] = *given;
+                *given = (wide){0};
+            }
         }
-        if (kind == INELASTIC) force += share;
+        if (kind == INELASTIC) force += narrow(share);
         lanes v;
         if (damped) {
             const lanes added = pushed * force;
-            UNROLL for (int l = 0; l < LANES; l++) v[l] = FUSED(motion->decay, old[l], added[l]);
+            UNROLL for (int l = 0; l < LANES; l++) v[l] = FUSED(decay, old[l], added[l]);
         } else
             UNROLL for (int l = 0; l < LANES; l++) v[l] = FUSED(pushed[l], force[l], old[l]);
-        if (damped) *sum += __builtin_shuffle(quarter_mass, pick) * (old + v) * (old + v);
+        const lanes squares = damped ? __builtin_shuffle(quarter_mass, pick) * (old + v) * (old + v) : v;
+        const lanes kinetic = measured ? v * v / __builtin_shuffle(inverse_mass, pick) : v;
         *velocity = v;
-        loose *const displacement = (loose *)(motion->displacement + i);
-        *displacement += motion->dt * v;
-        if (kind == VISCOUS) *lost -= 0.5 * share * (old + v);
-        if (kind == INELASTIC) power[0] += share * old, power[1] += share * v;
-        if (measured) {
-            energy[0] += v * v / __builtin_shuffle(inverse_mass, pick);
-            energy[1] += *displacement * (force - share);
+        EACH_PART {
+            loose_wide *const displacement = (loose_wide *)(motion->displacement + i + p * WIDE);
+            *displacement += motion->dt * widen(v, p);
+            if (damped) *sum += widen(squares, p);
+            if (kind == VISCOUS) *lost -= 0.5 * share[p] * widen(old + v, p);
+            if (kind == INELASTIC) power[0] += share[p] * widen(old, p), power[1] += share[p] * widen(v, p);
+            if (measured) {
+                energy[0] += widen(kinetic, p);
+                energy[1] += *displacement * (widen(force, p) - share[p]);
+            }
         }
         *at = (lanes){0};
     }
@@ -688,7 +769,7 @@ enum { ALL, WITH, WITHOUT };
 INLINE double advance_block(const int damped, const int kind, const int measured, const int part, const struct motion *motion,
                             const struct plan *plan, long block, double *energy)
 {
-    lanes row_sum = {0}, row_lost = {0}, row_power[2] = {{0}}, row_energy[2] = {{0}};
+    wide row_sum = {0}, row_lost = {0}, row_power[2] = {{0}}, row_energy[2] = {{0}};
     double sum = 0;
 #define FIRST(what) (part == WITHOUT ? plan->what##_split[block] : plan->what##_start[block])
 #define END(what) (part == WITH ? plan->what##_split[block] : plan->what##_start[block + 1])
@@ -696,7 +777,7 @@ INLINE double advance_block(const int damped, const int kind, const int measured
     for (long r = FIRST(row); r < end; r++) {
         // Rows are too short for the processor to prefetch by itself what the elements have not touched.
         const long ahead = plan->row[r + ROWS_AHEAD < end ? r + ROWS_AHEAD : end - 1];
-        UNROLL for (int k = 0; k < COMPONENTS; k++) __builtin_prefetch(motion->velocity + ahead * COMPONENTS + 8 * k, 1);
+        UNROLL for (int k = 0; k < COMPONENTS; k++) __builtin_prefetch(motion->velocity + ahead * COMPONENTS + LANES * k, 1);
         __builtin_prefetch(motion->inverse_mass + ahead, 0);
         advance_row(damped, kind, measured, motion, plan->row[r], &row_sum, &row_lost, row_power, row_energy);
     }
@@ -707,20 +788,20 @@ INLINE double advance_block(const int damped, const int kind, const int measured
         sum += advance_node(damped, kind, measured, motion, plan->single[n], energy);
     }
     if (damped)
-        UNROLL for (int l = 0; l < LANES; l++) sum += row_sum[l];
+        UNROLL for (int l = 0; l < WIDE; l++) sum += row_sum[l];
     if (kind == VISCOUS)
-        UNROLL for (int l = 0; l < LANES; l++) *motion->lost += row_lost[l];
+        UNROLL for (int l = 0; l < WIDE; l++) *motion->lost += row_lost[l];
     if (kind == INELASTIC)
-        UNROLL for (int l = 0; l < LANES; l++) motion->power[0] += row_power[0][l], motion->power[1] += row_power[1][l];
+        UNROLL for (int l = 0; l < WIDE; l++) motion->power[0] += row_power[0][l], motion->power[1] += row_power[1][l];
     if (measured)
-        UNROLL for (int l = 0; l < LANES; l++) energy[0] += row_energy[0][l], energy[1] += row_energy[1][l];
+        UNROLL for (int l = 0; l < WIDE; l++) energy[0] += row_energy[0][l], energy[1] += row_energy[1][l];
     return sum;
 }
 
 // Elements of some blocks; after each block the nodes that no later element touches move on.  Null may be `energy`, `viscous`, the
 // force of Kelvin-Voigt damping of all elements, and `inelastic`; not both of the latter are given.
-double step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
-            const double *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost,
+double step(const struct plan *plan, long first, long last, double *u, real *v, real *force,
+            const real *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost,
             const struct inelastic *inelastic)
 {
 #define ADVANCED(damped, kind, part) \
@@ -762,11 +843,7 @@ INLINE void batch_stress(const int kind, const struct plan *plan, long b, lanes 
     const int *dof = plan->dof + b * NODES * LANES, geometry = GEOMETRY(kind);
     struct cell cell = open_cell(kind, plan->number + plan->start[b]);
     lanes u[COMPONENTS][NODES], p[DIM][COMPONENTS][NODES];
-    KEEP for (int node = 0; node < NODES; node++) {
-        lanes x[COMPONENTS];
-        gather(displacement, dof + node * LANES, x);
-        UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
-    }
+    gather_displacements(displacement, dof, 0, u);
     UNROLL for (int d = 0; d < DIM; d++)
         UNROLL for (int c = 0; c < COMPONENTS; c++)
             along_all(0, &DERIVATIVE, u[c], p[d][c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);

@@ -1,4 +1,4 @@
-"""The explicit hot path: linear elasticity without a matrix, eight elements at a time, in compiled C.
+"""The explicit hot path: linear elasticity without a matrix, a vector of elements at a time, in compiled C.
 
 The kernel is `matrix_free.c`. Where moduli vary in an element, it reads those of the nodes. This module sorts the
 elements into batches, describes their geometry, and finds for every node the last element that touches it, after which
@@ -20,7 +20,7 @@ from ruptfx.bodies.operators.geometry import AFFINE, BOX, VARYING, geometry_elem
 from ruptfx.laws.materials.stiffness import linear_stiffness
 from ruptfx.platform import fem
 from ruptfx.platform.codegen import native
-from ruptfx.platform.codegen.native import address
+from ruptfx.platform.codegen.native import DOUBLE, address
 
 # Nodes computed between updates. Measured: with 2000 the update is slower by half (short contiguous ranges).
 BLOCK_NODES = 16384
@@ -69,6 +69,9 @@ class MatrixFree:
         If the material or the element is not supported.
     """
 
+    any_precision = True
+    """Whether it computes with `Bulk.real`; displacements are doubles."""
+
     def __init__(self, bulk: Bulk, shared: np.ndarray | None = None) -> None:
         space = bulk.space
         _refuse_unknown(bulk)
@@ -77,9 +80,12 @@ class MatrixFree:
         self._nodes = index_map.size_local + index_map.num_ghosts
         self._shared = _shared_nodes(index_map) if shared is None else shared
         permutation, constants = _reference_cell(bulk)
+        self._real = bulk.real
         lanes = files("ruptfx").joinpath("platform/codegen/lanes.c").read_text()
         kernel = files(__package__).joinpath("matrix_free.c").read_text()
         extras = "#define VARIES 1\n" * (bulk.variation is not None)
+        if self._real != DOUBLE:
+            extras += f"#define LANE {self._real.itemsize}\n#define REAL {native.c_type(self._real)}\n"
         self._library = native.load("matrix_free", extras + constants + lanes + kernel)
         self._library.step.restype = self._library.strain_energy.restype = ctypes.c_double
         self._plan = _Plan()
@@ -93,7 +99,7 @@ class MatrixFree:
         for name, array in (("kind", kind), ("start", start), ("number", number)):
             self._hold(name, array)
         plain = is_tensor(space.mesh) and bulk.plane != "axisymmetric" and (kind % VARYING).max(initial=BOX) <= AFFINE
-        self._root = root_of_size(space.mesh, cells) if plain else None
+        self._root = root_of_size(space.mesh, cells, self._real) if plain else None
         self._cell_nodes, self._space = len(permutation), space
         self._moduli = bulk.moduli(cells[:1])[0].shape[-1]
         linear_simplex = not (is_tensor(space.mesh) or bulk.large_rotations)
@@ -105,10 +111,13 @@ class MatrixFree:
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """Subtract K displacement of the cells owned by this rank from `force` [N], in place."""
-        pointers = self._pointers(displacement, force)
+        own = force if force.dtype == self._real else np.zeros(force.shape, dtype=self._real)
         self._library.add_internal_force(
-            ctypes.byref(self._plan), ctypes.c_long(0), ctypes.c_long(self._batches), *pointers
-        )
+            ctypes.byref(self._plan), ctypes.c_long(0), ctypes.c_long(self._batches),
+            *self._pointers(displacement.astype(float, copy=False)), *self._pointers(own, real=self._real),
+        )  # fmt: skip
+        if own is not force:
+            force += own
 
     def energy(self, displacement: np.ndarray) -> float:
         """Return the strain energy of the cells owned by this rank [J per metre of thickness]; large rotations only."""
@@ -139,7 +148,7 @@ class MatrixFree:
         assert self._root is not None
         assert sums.flags.c_contiguous and sums.dtype == np.float64 and len(sums) == self._nodes
         self._library.add_stress(
-            ctypes.byref(self._plan), ctypes.c_long(self._batches), address(self._root),
+            ctypes.byref(self._plan), ctypes.c_long(self._batches), address(self._root, self._real),
             *self._pointers(displacement), address(sums),
         )  # fmt: skip
 
@@ -229,8 +238,9 @@ class MatrixFree:
         Parameters
         ----------
         displacement, velocity, force : ndarray, shape (nodes * components,)
+            The last two of the type `Bulk.real`.
         inverse_mass : ndarray, shape (nodes,)
-            [1/kg].
+            [1/kg]; of the same type.
         dt : float
             Time step [s].
         decay : float
@@ -259,8 +269,8 @@ class MatrixFree:
         assert inelastic is not None or not self._ends, "nodes of inserted sweeps need their force"
         return self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last),
-            *self._pointers(displacement, velocity, force),
-            *self._pointers(inverse_mass, size=1), ctypes.c_double(dt), ctypes.c_double(decay),
+            *self._pointers(displacement), *self._pointers(velocity, force, real=self._real),
+            *self._pointers(inverse_mass, size=1, real=self._real), ctypes.c_double(dt), ctypes.c_double(decay),
             address(energy),
             ctypes.c_double(0.0 if damped is None else damped.eta),
             *([ctypes.c_void_p(None)] * 2 if damped is None else
@@ -286,22 +296,28 @@ class MatrixFree:
         self._keep[name] = array
         setattr(self._plan, name, array.ctypes.data)
 
-    def _pointers(self, *arrays: np.ndarray, size: int | None = None) -> list[ctypes.c_void_p]:
+    def _pointers(
+        self, *arrays: np.ndarray, size: int | None = None, real: np.dtype = DOUBLE
+    ) -> list[ctypes.c_void_p]:
         """Return C pointers of vectors with `size` numbers per node, by default one per component."""
         size = size or self._components
         for array in arrays:
-            if array.dtype != np.float64 or array.shape != (self._nodes * size,) or not array.flags.c_contiguous:
-                raise RuptfxError(f"matrix_free: a vector of {self._nodes * size} doubles is needed, not {array.shape}")
-        return [*map(address, arrays)]
+            if array.dtype != real or array.shape != (self._nodes * size,) or not array.flags.c_contiguous:
+                raise RuptfxError(
+                    f"matrix_free: a vector of {self._nodes * size} {native.c_type(real)}s is needed, not of shape "
+                    f"{array.shape} and {array.dtype}"
+                )
+        return [address(array, real) for array in arrays]
 
     def _hold_lines(self, fetch: int) -> None:
-        """Store the cache lines (8 doubles) that every batch is the first to access, for prefetching one batch ahead.
+        """Store the cache lines of forces that every batch is the first to access, for prefetching one batch ahead.
 
         All batches have the same number, so that the kernel needs no test: the last line is repeated if there are
         fewer.
         """
-        lines = self._keep["dof"].reshape(self._batches, -1) // 8
-        first_touch = np.full(self._nodes * self._components // 8 + 1, self._batches, dtype=np.int32)
+        size = 64 // self._real.itemsize
+        lines = self._keep["dof"].reshape(self._batches, -1) // size
+        first_touch = np.full(self._nodes * self._components // size + 1, self._batches, dtype=np.int32)
         for batch in range(self._batches - 1, -1, -1):
             first_touch[lines[batch]] = batch
         order = np.argsort(first_touch, kind="stable")
@@ -348,7 +364,8 @@ class ViscousSweep:
     def __init__(self, operator: MatrixFree, eta: float) -> None:
         self.batches, self._operator = operator.batches, copy.copy(operator)
         kept = self._operator._keep
-        number, start, varying = native.aligned(kept["number"].shape), kept["start"], kept["kind"] >= VARYING
+        number = native.aligned(kept["number"].shape, operator._real)
+        start, varying = kept["start"], kept["kind"] >= VARYING
         number[:] = kept["number"]
         moduli = operator._moduli
         for count, batches in ((moduli, ~varying), (moduli * (1 + operator._cell_nodes), varying)):
@@ -425,7 +442,7 @@ def _tiles(space: fem.dolfinx.fem.FunctionSpace, nodes: int) -> np.ndarray:
 def _fetch(space: fem.dolfinx.fem.FunctionSpace) -> int:
     """Return the cache lines of new nodes per node of a batch.
 
-    order^dim new nodes per element, 8 elements, 8 doubles a line.
+    order^dim new nodes per element, as many elements as numbers in a line.
     """
     order, dim = space.element.basix_element.degree, space.mesh.topology.dim
     return -(-space.dofmap.index_map_bs * order**dim // (order + 1) ** dim)
@@ -455,7 +472,7 @@ def _reference_cell(bulk: Bulk) -> tuple[np.ndarray, str]:
     text = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
     if not is_tensor(space.mesh):
         volume = 1 / (2, 6)[dim - 2]
-        return np.arange(dim + 1), text + _tables({"double MINUS_WEIGHT[]": np.full(dim + 1, -volume)})
+        return np.arange(dim + 1), text + _tables({"lane MINUS_WEIGHT[]": np.full(dim + 1, -volume)})
     points, weights, derivative = gauss_lobatto_legendre(order)
     # Lexicographic, the first coordinate slowest; rounded because points of a line differ by round-off.
     permutation = np.lexsort(np.round(np.asarray(element.points), 10).T[::-1])
@@ -464,7 +481,7 @@ def _reference_cell(bulk: Bulk) -> tuple[np.ndarray, str]:
         product = np.multiply.outer(product, weights)
     transposed = (weights[:, None] * derivative).T / weights[:, None]
     return permutation, text + _tables({
-        "double POINT[]": points, "double MINUS_WEIGHT[]": -product.ravel(),
+        "lane POINT[]": points, "lane MINUS_WEIGHT[]": -product.ravel(),
         "struct matrix DERIVATIVE": _halves(derivative), "struct matrix TRANSPOSED": _halves(transposed),
     })  # fmt: skip
 

@@ -197,7 +197,7 @@ INLINE void turn_frames(const lanes minus[2], const lanes plus[2], lanes *nx, la
 #endif
 
 // All bits of the ends that are whole and carry no more than their springs alone may, as almost all do.
-INLINE long_lanes elastic(lanes damage, lanes normal, lanes shear, const double *number, const double *varied)
+INLINE whole_lanes elastic(lanes damage, lanes normal, lanes shear, const double *number, const double *varied)
 {
     (void)number, (void)varied;
     const lanes none = {0}, tension = TENSION_AT_ENDS, cohesion = BOND_AT_ENDS;
@@ -243,7 +243,7 @@ void update(long facets, double since, double time, const int *node, const doubl
 #endif
 #define AT_ENDS(name) (*(loose *)state[STATE_##name])
         lanes normal = k * open, shear = k * jump;
-        const long_lanes fine = elastic(AT_ENDS(damage), normal, shear, number, varied);
+        const whole_lanes fine = elastic(AT_ENDS(damage), normal, shear, number, varied);
         long all = -1;
         UNROLL for (int l = 0; l < LANES; l++) all &= fine[l];
         if (all) {

@@ -1,7 +1,9 @@
 // One explicit step of an interface, LANES points at a time: gather, point and write_back (points.c, in front of this file),
 // push (what the bodies feel).
 
-INLINE void gather(const long *plus, const long *minus, const double *displacement, const double *velocity,
+typedef REAL real;  // of velocities and forces of nodes
+
+INLINE void gather(const long *plus, const long *minus, const double *displacement, const real *velocity,
                    struct points *points)
 {
     lanes u[COMPONENTS], v[COMPONENTS];
@@ -23,11 +25,11 @@ INLINE void gather(const long *plus, const long *minus, const double *displaceme
 }
 
 // Nodes are far apart in memory: processors read those of the next block while this one is computed.
-INLINE void prefetch(const long *plus, const long *minus, const double *displacement, const double *velocity,
-                const double *force)
+INLINE void prefetch(const long *plus, const long *minus, const double *displacement, const real *velocity,
+                const real *force)
 {
     for (int l = 0; l < LANES; l++) {
-        const double *const addresses[] = {
+        const void *const addresses[] = {
             displacement + plus[l], velocity + plus[l], force + plus[l],
             displacement + minus[l], velocity + minus[l], force + minus[l],
         };
@@ -38,7 +40,7 @@ INLINE void prefetch(const long *plus, const long *minus, const double *displace
 // Velocities change by the traction beyond the initial one, with which the bodies begin in equilibrium. Lanes compute and single
 // points write, because nodes of neighbouring points are not neighbours in memory.
 INLINE void push(int count, double kick, const long *plus, const long *minus, const struct points *points,
-                 double *velocity, double *force)
+                 real *velocity, real *force)
 {
     lanes pull[COMPONENTS], slower[COMPONENTS], faster[COMPONENTS];
     for (int c = 0; c < COMPONENTS; c++)
@@ -64,7 +66,7 @@ INLINE void push(int count, double kick, const long *plus, const long *minus, co
 // point failed. result[6] is what cohesion took [J], with split nodes in shear only; [7] what contact took that opened or
 // closed within the step, where slip ends with the traction.
 void update(long n, const struct times *times, const long *plus, const long *minus, const double *displacement,
-            double *velocity, double *force, const double *fixed, const double *number, double *const *field,
+            real *velocity, real *force, const double *fixed, const double *number, double *const *field,
             double *result)
 {
     lanes dissipated = {0};

@@ -22,7 +22,7 @@ from ruptfx.interfaces.faults.held_points import HeldPoints, coupled_points, cou
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import FAILURE, PointCode, filled
 from ruptfx.interfaces.faults.points import Clock, frictional_power
-from ruptfx.platform.codegen.native import address
+from ruptfx.platform.codegen.native import DOUBLE, address
 from ruptfx.platform.codegen.tracing import constant, symbol
 
 
@@ -59,6 +59,8 @@ class FaultStep:
     clock : Clock
     threshold : float
         Slip rate [m/s] whose first passage is a rupture.
+    real : dtype
+        Type of the velocities and forces of nodes.
 
     Attributes
     ----------
@@ -70,13 +72,16 @@ class FaultStep:
 
     sources: ClassVar[tuple[str, ...]] = ("interfaces/faults/fault_step.c",)
 
-    def __init__(self, fault: Fault, inverse_mass: np.ndarray, clock: Clock, threshold: float) -> None:
+    def __init__(
+        self, fault: Fault, inverse_mass: np.ndarray, clock: Clock, threshold: float, real: np.dtype = DOUBLE
+    ) -> None:
         self.fault, self.clock, self.work, self.prescribed_work = fault, clock, 0.0, 0.0
+        self._real = real
         law, face = fault.traced_law(), fault.interface
         self._inverse_mass = inverse_mass
         index = np.zeros(0, np.int64) if fault.contact.traction_ends_slip else coupled_points(face, inverse_mass)
         columns = _columns(fault, inverse_mass, clock)
-        self._code = PointCode(fault, law, _without(columns, index))
+        self._code = PointCode(fault, law, _without(columns, index), real)
         self._nodes = [
             np.ascontiguousarray(filled(side * face.frame.shape[2]), np.int64) for side in (face.plus, face.minus)
         ]
@@ -92,9 +97,9 @@ class FaultStep:
         # copied: the vectorised step computes them, too, without effect on the bodies, as its blocks have no gaps.
         self._coupled: HeldPoints | None = None
         if len(index):
-            code = PointCode(fault, law, columns | coupling_columns(face, inverse_mass, clock.kick))
+            code = PointCode(fault, law, columns | coupling_columns(face, inverse_mass, clock.kick), real)
             library = code.compile("held_points", HeldPoints.sources, known)
-            self._coupled = HeldPoints(code, library, index, (self._nodes[0], self._nodes[1]))
+            self._coupled = HeldPoints(code, library, index, (self._nodes[0], self._nodes[1]), real)
         carried = law.carried(clock.extrapolation)
         self._times = np.array([clock.dt, clock.kick, clock.since, clock.extrapolation, carried, threshold, 0.0])
         self._threshold = threshold
@@ -148,10 +153,10 @@ class FaultStep:
     def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Collect the pointers once; the arrays of a run do not move in memory."""
         self._table = self._code.table(state)
-        arrays = (self._times, *self._nodes, displacement, velocity, force, self._code.fixed, self._code.numbers)
         self._pointers = [
-            ctypes.c_long(len(self.fault.interface.weight)), *map(address, arrays),
-            ctypes.byref(self._table), address(self._result),
+            ctypes.c_long(len(self.fault.interface.weight)), *map(address, (self._times, *self._nodes, displacement)),
+            address(velocity, self._real), address(force, self._real), address(self._code.fixed),
+            address(self._code.numbers), ctypes.byref(self._table), address(self._result),
         ]  # fmt: skip
         self._bound = (state, displacement, velocity, force)
         if self._coupled is not None:

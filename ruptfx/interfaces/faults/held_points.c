@@ -117,7 +117,7 @@ void keep(long n, const long *index, double *const *field, double *kept)
 
 // As `update`, for the points with these indices, from the fields that were kept.
 void update_held(long n, const long *index, const double *kept, const struct times *times, const long *plus,
-                 const long *minus, const double *displacement, double *velocity, double *force, const double *fixed,
+                 const long *minus, const double *displacement, real *velocity, real *force, const double *fixed,
                  const double *number, double *const *field, double *result)
 {
     lanes dissipated = {0};

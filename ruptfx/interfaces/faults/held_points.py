@@ -115,6 +115,8 @@ class HeldPoints:
     index : ndarray of int
     nodes : (ndarray, ndarray)
         First degrees of freedom of both nodes of all points.
+    real : dtype
+        Type of the velocities and forces of nodes.
 
     Attributes
     ----------
@@ -125,8 +127,10 @@ class HeldPoints:
     sources: ClassVar[tuple[str, ...]] = ("interfaces/faults/fault_step.c", "interfaces/faults/held_points.c")
 
     def __init__(
-        self, code: PointCode, library: ctypes.CDLL, index: np.ndarray, nodes: tuple[np.ndarray, np.ndarray]
-    ) -> None:
+        self, code: PointCode, library: ctypes.CDLL, index: np.ndarray, nodes: tuple[np.ndarray, np.ndarray],
+        real: np.dtype,
+    ) -> None:  # fmt: skip
+        self._real = real
         self._code, self._library, self.index = code, library, np.ascontiguousarray(index, np.int64)
         rows = code.fixed.transpose(0, 2, 1).reshape(-1, code.fixed.shape[1])[index]
         code.fixed = native.aligned((-(-len(index) // LANES), rows.shape[1], LANES))
@@ -151,11 +155,10 @@ class HeldPoints:
 
     def __call__(self, times: np.ndarray, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Advance the fields from those that were kept, velocity and force, and set `result`."""
-        arrays = (times, *self._nodes, displacement, velocity, force, self._code.fixed, self._code.numbers)
         self._library.update_held(
-            *self._some, address(self._kept),
-            *map(address, arrays), ctypes.byref(self._table),
-            address(self.result),
+            *self._some, *map(address, (self._kept, times, *self._nodes, displacement)),
+            address(velocity, self._real), address(force, self._real), address(self._code.fixed),
+            address(self._code.numbers), ctypes.byref(self._table), address(self.result),
         )  # fmt: skip
         if self.result[1] >= 0:
             self.result[1] = self.index[int(self.result[1])]

@@ -24,6 +24,7 @@ from ruptfx.interfaces.faults.fault import Fault, fail
 from ruptfx.interfaces.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.laws.contact import Point, Trial
 from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import DOUBLE
 from ruptfx.platform.codegen.tracing import (
     Expression,
     constant,
@@ -62,8 +63,10 @@ class PointCode:
         Names of the arrays of a `FaultState`, in the order of `table`.
     """
 
-    def __init__(self, fault: Fault, law: TracedLaw, columns: Mapping[str, np.ndarray]) -> None:
-        self._fault, self._law = fault, law
+    def __init__(
+        self, fault: Fault, law: TracedLaw, columns: Mapping[str, np.ndarray], real: np.dtype = DOUBLE
+    ) -> None:
+        self._fault, self._law, self._real = fault, law, real
         parameters, self._contact = parameters_as_symbols(fault.contact, "c_")
         parameters |= law.parameters
         self._cohesion = fault.traced_cohesion()
@@ -140,7 +143,7 @@ class PointCode:
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
             "BONDED": int(self._cohesion is not None), "DAMAGED": DAMAGED,
             "IS_HELD": 0 if self._fault.prescribed is None else "(FIXED(held) > 0)",
-            "TOLERANCE": point_step.TOLERANCE, **ITERATION,
+            "TOLERANCE": point_step.TOLERANCE, "REAL": native.c_type(self._real), **ITERATION,
         }  # fmt: skip
 
     def _symbols(self) -> dict[str, object]:

@@ -132,7 +132,8 @@ class Faults(Mechanism):
             self.steps.append([self._step(fault, inverse_mass, kick, stepped) for fault in self.faults])
 
     def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> FaultStep | SlidingStep:
-        return FaultStep(fault, inverse_mass, kick.clock, self.model.case.output.rupture_threshold)
+        threshold = self.model.case.output.rupture_threshold
+        return FaultStep(fault, inverse_mass, kick.clock, threshold, self.model.real)
 
     def before_kick(self, state: State, kick: Kick) -> None:
         steps = self.steps[kick.number]

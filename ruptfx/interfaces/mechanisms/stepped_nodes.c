@@ -1,10 +1,10 @@
 // The nodes the bulk kernel leaves to the stepper: interfaces, boundaries, nodes shared with other ranks.  Arrays are over
 // those it may leave, numbered by `dof`, or by themselves where these are all there are and `dof` is null; `which` are those
-// it does leave now, all where it is null.  _nodes.py puts lanes.c in front.
+// it does leave now, all where it is null.  stepped_nodes.py puts lanes.c in front, with the type `real` of velocity and force.
 
 // v = keep v + push f. As the kernel rounds it where masses are not damped (alike), or as it always was.
 INLINE void kick_each(long n, const long *which, const long *dof, const int alike, const double *keep, const double *push,
-                      const double *force, double *restrict velocity, double *restrict velocity_old)
+                      const real *force, real *restrict velocity, double *restrict velocity_old)
 {
     for (long k = 0; k < n; k++) {
         const long i = which ? which[k] : k, d = dof ? dof[i] : i;
@@ -16,7 +16,7 @@ INLINE void kick_each(long n, const long *which, const long *dof, const int alik
 
 // Velocity half a step later without contact: v = keep v + push f; the old velocity is kept for the work integrals.
 void kick(long n, const long *which, const long *dof, long alike, const double *keep, const double *push,
-          const double *force, double *velocity, double *velocity_old)
+          const real *force, real *velocity, double *velocity_old)
 {
 #define KICK(which, dof, alike) kick_each(n, which, dof, alike, keep, push, force, velocity, velocity_old)
     if (which) alike ? KICK(which, dof, 1) : KICK(which, dof, 0);
@@ -24,8 +24,8 @@ void kick(long n, const long *which, const long *dof, long alike, const double *
     else alike ? KICK(0, 0, 1) : KICK(0, 0, 0);
 }
 
-INLINE void drift_each(long n, const long *which, const long *dof, double dt, const double *velocity,
-                       double *restrict displacement, double *restrict force)
+INLINE void drift_each(long n, const long *which, const long *dof, double dt, const real *velocity,
+                       double *restrict displacement, real *restrict force)
 {
     for (long k = 0; k < n; k++) {
         const long i = which ? which[k] : k, d = dof ? dof[i] : i;
@@ -38,7 +38,7 @@ INLINE void drift_each(long n, const long *which, const long *dof, double dt, co
 // after forces acted for the time `kick`, at the `special` ones, where there is either.
 void drift(long n, const long *which, const long *dof, long specials, const long *special, double dt, double kick,
            const double *mass, const double *dashpot, const double *driven, const double *owned,
-           const double *velocity_old, const double *velocity, double *displacement, double *force, double *work)
+           const double *velocity_old, const real *velocity, double *displacement, real *force, double *work)
 {
     double lost = 0, driving = 0;
     for (long k = 0; k < specials; k++) {
@@ -64,7 +64,7 @@ void clear(long n, const long *dof, double *damping)
 }
 
 // damping = eta damping, and force += damping.
-void add_damping(long n, const long *dof, double eta, double *damping, double *force)
+void add_damping(long n, const long *dof, double eta, double *damping, real *force)
 {
     for (long k = 0; k < n; k++) {
         const double acting = eta * damping[dof[k]];
@@ -76,7 +76,7 @@ void add_damping(long n, const long *dof, double eta, double *damping, double *f
 // Power of the damping force at the mean of the velocities before and after forces acted, those before at the indices
 // `among`. Summed in blocks, for small rounding errors.
 double damping_power(long n, const long *dof, const long *among, const double *damping, const double *velocity_old,
-                     const double *velocity)
+                     const real *velocity)
 {
     double power = 0;
     for (long first = 0; first < n; first += 256) {

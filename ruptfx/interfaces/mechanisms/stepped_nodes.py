@@ -56,7 +56,7 @@ class Kick:
         self.plain_keep, self.plain_loss = (1 - lost) / (1 + lost), 2 * lost / (1 + lost) * length / dt
         nodal = np.ascontiguousarray(1 / mass.reshape(-1, model.components)[:, 0])
         self.plain_mass = length / dt / (1 + lost)
-        self.plain_push = self.plain_mass * nodal
+        self.plain_push = (self.plain_mass * nodal).astype(model.real, copy=False)
 
     def renew(self, places: Integers | slice, mass: Floats, dashpot: Floats, prescribed: NDArray[np.bool_]) -> None:
         """Set `keep` and `push` at some of the stepped degrees of freedom."""
@@ -117,7 +117,8 @@ class SteppedNodes:
         self._special, self._work = self._damped_or_driven(), np.zeros(2)
         parts = ("platform/codegen/lanes.c", "interfaces/mechanisms/stepped_nodes.c")
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
-        self._library = native.load("stepped_nodes", source)
+        self._real = model.real
+        self._library = native.load("stepped_nodes", source, {"REAL": native.c_type(self._real)})
         self._library.damping_power.restype = ctypes.c_double
 
     def inverse_mass(self, kick: Kick) -> Floats:
@@ -143,8 +144,8 @@ class SteppedNodes:
     def kick(self, state: State, kick: Kick) -> None:
         """Let the forces of `state` act on the velocities, and keep the velocities before."""
         self._library.kick(
-            *self._which(), ctypes.c_long(self._alike), address(kick.keep), address(kick.push), address(state.force),
-            address(state.velocity), address(self.velocity_before),
+            *self._which(), ctypes.c_long(self._alike), address(kick.keep), address(kick.push),
+            address(state.force, self._real), address(state.velocity, self._real), address(self.velocity_before),
         )  # fmt: skip
 
     def drift(self, state: State, kick: Kick) -> tuple[float, float]:
@@ -152,10 +153,10 @@ class SteppedNodes:
         self._work[:] = 0
         self._library.drift(
             *self._which(), ctypes.c_long(len(self._special)), address(self._special), ctypes.c_double(self.dt),
-            ctypes.c_double(kick.clock.kick), *map(address, (
-                self.mass, self.dashpot, self.driven, self.once, self.velocity_before, state.velocity,
-                state.displacement, state.force, self._work,
-            )),
+            ctypes.c_double(kick.clock.kick),
+            *map(address, (self.mass, self.dashpot, self.driven, self.once, self.velocity_before)),
+            address(state.velocity, self._real), address(state.displacement), address(state.force, self._real),
+            address(self._work),
         )  # fmt: skip
         return float(self._work[0]), float(self._work[1])
 
@@ -166,7 +167,7 @@ class SteppedNodes:
     def add_damping(self, dofs: Integers, eta: float, damping: Floats, force: Floats) -> None:
         """Multiply damping forces at some degrees of freedom by eta, and add them to the force."""
         self._library.add_damping(
-            ctypes.c_long(len(dofs)), address(dofs), ctypes.c_double(eta), address(damping), address(force)
+            ctypes.c_long(len(dofs)), address(dofs), ctypes.c_double(eta), address(damping), address(force, self._real)
         )  # fmt: skip
 
     def damping_power(
@@ -185,7 +186,7 @@ class SteppedNodes:
             Indices of the degrees of freedom in `before`.
         """
         return float(self._library.damping_power(
-            ctypes.c_long(len(dofs)), *map(address, (dofs, among, damping, before, velocity))
+            ctypes.c_long(len(dofs)), *map(address, (dofs, among, damping, before)), address(velocity, self._real)
         ))  # fmt: skip
 
     def _which(self) -> tuple[ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]:

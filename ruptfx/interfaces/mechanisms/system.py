@@ -223,6 +223,11 @@ class System(Discretisation):
     section: Section | None
 
     @property
+    def real(self) -> np.dtype:
+        """Type of the velocities and forces of nodes."""
+        return self.bulk.real
+
+    @property
     @abstractmethod
     def memory_laws(self) -> dict[str, TracedMaterial]:
         """Traced formulas of the materials with memory, by name of the body."""

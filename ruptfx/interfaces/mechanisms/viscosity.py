@@ -61,7 +61,7 @@ class KelvinVoigt(Mechanism):
     def _add(self, state: State) -> None:
         force = self._force
         if self._viscosity.everywhere:
-            self._before = state.velocity.copy()
+            self._before = state.velocity.astype(float)
         self._stepped.clear(self._dofs, force)
         self._viscosity.add_force(state.displacement, state.velocity, force)
         self._stepped.add_damping(self._dofs, self._viscosity.eta, force, state.force)

@@ -34,6 +34,9 @@ FLAGS = (
 WIDEST = ("-march=native", "-mprefer-vector-width=512")
 """Options for the processor at hand with its widest vectors."""
 
+DOUBLE, SINGLE = np.dtype(np.float64), np.dtype(np.float32)
+"""Types of floating-point numbers in C."""
+
 _loaded: dict[str, ctypes.CDLL] = {}
 
 
@@ -81,17 +84,30 @@ def _choices() -> tuple[tuple[str, ...], ...]:
     return (WIDEST, WIDEST[:1], ("-mcpu=native",), ()) if target() == "native" else ((f"-march={target()}",),)
 
 
-def aligned(shape: tuple[int, ...]) -> np.ndarray:
+def aligned(shape: tuple[int, ...], real: np.dtype = DOUBLE) -> np.ndarray:
     """Return an uninitialised array aligned to a cache line, for vector loads."""
-    size = math.prod(shape)
-    raw = np.empty(size + 8)
-    offset = (-raw.ctypes.data // 8) % 8
+    size, line = math.prod(shape), 64 // real.itemsize
+    raw = np.empty(size + line, dtype=real)
+    offset = (-raw.ctypes.data // real.itemsize) % line
     return raw[offset : offset + size].reshape(shape)
 
 
-def address(array: np.ndarray | None) -> ctypes.c_void_p:
-    """Return the address of the first value of an array, as an argument of a C function; NULL for None."""
+def address(array: np.ndarray | None, real: np.dtype = DOUBLE) -> ctypes.c_void_p:
+    """Return the address of the first value of an array, as an argument of a C function; NULL for None.
+
+    Raises
+    ------
+    TypeError
+        Floating-point numbers of another type than the C function reads.
+    """
+    if array is not None and array.dtype.kind == "f" and array.dtype != real:
+        raise TypeError(f"an array of {array.dtype} where a C function reads {real}")
     return ctypes.c_void_p(None if array is None else array.ctypes.data)
+
+
+def c_type(real: np.dtype) -> str:
+    """Return the C type of floating-point numbers, the macro REAL of sources in which nodes may have either."""
+    return {8: "double", 4: "float"}[real.itemsize]
 
 
 @cache
