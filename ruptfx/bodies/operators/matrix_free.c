@@ -321,11 +321,43 @@ INLINE void gather_wide(const double *field, const int *dof, wide x[COMPONENTS])
 
 // The displacement of a node; as floats without that of the first node of the element, which strains nothing: digits are
 // lost of the strain then, and none in a translation. The stress around an axis needs the whole radial displacement.
-INLINE void gather_displacement(const double *field, const int *dof, wide first[COMPONENTS][PARTS], const int is_first,
+#if LANE == 4 && COMPONENTS == 3 && defined __AVX512VL__
+#include <immintrin.h>
+typedef double four __attribute__((vector_size(32)));
+typedef float four_floats __attribute__((vector_size(16)));
+typedef float eight_floats __attribute__((vector_size(32)));
+#define TRANSLATION four translation[LANES]
+
+INLINE void gather_displacement(const double *field, const int *dof, four *translation, const int is_first,
+                                lanes x[COMPONENTS])
+{
+    lanes row[4];  // row[i]: the components at the lanes i, i + 4, i + 8 and i + 12
+    UNROLL for (int i = 0; i < 4; i++) {
+        four_floats of_lane[4];
+        UNROLL for (int k = 0; k < 4; k++) {
+            const four y = (four)_mm256_maskz_loadu_pd(7, field + dof[i + 4 * k]);
+            if (is_first) translation[i + 4 * k] = y;
+            of_lane[k] = __builtin_convertvector(y - translation[i + 4 * k], four_floats);
+        }
+        const eight_floats low = __builtin_shufflevector(of_lane[0], of_lane[1], 0, 1, 2, 3, 4, 5, 6, 7);
+        const eight_floats high = __builtin_shufflevector(of_lane[2], of_lane[3], 0, 1, 2, 3, 4, 5, 6, 7);
+        row[i] = __builtin_shufflevector(low, high, FIRST, SECOND);
+    }
+#define IN_FOURS(a, b, i, j, k, l) \
+    __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4, i + 8, j + 8, k + 8, l + 8, i + 12, j + 12, k + 12, l + 12)
+    const lanes near = IN_FOURS(row[0], row[1], 0, 16, 1, 17), far = IN_FOURS(row[2], row[3], 0, 16, 1, 17);
+    x[0] = IN_FOURS(near, far, 0, 1, 16, 17);
+    x[1] = IN_FOURS(near, far, 2, 3, 18, 19);
+    x[2] = IN_FOURS(IN_FOURS(row[0], row[1], 2, 18, 3, 19), IN_FOURS(row[2], row[3], 2, 18, 3, 19), 0, 1, 16, 17);
+}
+#else
+#define TRANSLATION wide translation[COMPONENTS * PARTS]
+
+INLINE void gather_displacement(const double *field, const int *dof, wide *translation, const int is_first,
                                 lanes x[COMPONENTS])
 {
 #if LANE == 8
-    (void)first, (void)is_first;
+    (void)translation, (void)is_first;
     gather_wide(field, dof, x);
 #else
     wide of_parts[PARTS][COMPONENTS];
@@ -333,16 +365,22 @@ INLINE void gather_displacement(const double *field, const int *dof, wide first[
     UNROLL for (int c = 0; c < COMPONENTS; c++) {
         wide y[PARTS];
         UNROLL for (int p = 0; p < PARTS; p++) {
-            if (is_first) first[c][p] = AXISYMMETRIC && c == 1 ? (wide){0} : of_parts[p][c];
-            y[p] = of_parts[p][c] - first[c][p];
+            wide *const without = translation + c * PARTS + p;
+            if (is_first) *without = AXISYMMETRIC && c == 1 ? (wide){0} : of_parts[p][c];
+            y[p] = of_parts[p][c] - *without;
         }
         x[c] = narrow(y);
     }
 #endif
 }
+#endif
 
-#define EACH_SINGLE(dof, x, DO) \
-    UNROLL for (int l = 0; l < LANES; l++) DO(single, dof[l] + COMPONENTS - 1, x[COMPONENTS - 1][l])
+// Of floats from memory: of a vector of 16 the processor extracts few numbers with one instruction.
+#define EACH_SINGLE(dof, x, DO) { \
+        const lanes last = x[COMPONENTS - 1]; \
+        UNROLL for (int l = 0; l < LANES; l++) \
+            DO(single, dof[l] + COMPONENTS - 1, (LANE == 4 ? ((const volatile lane *)&last)[l] : last[l])) \
+    }
 #if COMPONENTS == 1
 #define EACH EACH_SINGLE
 #elif COMPONENTS == 2
@@ -386,14 +424,14 @@ INLINE void ask(const struct ahead *ahead, const int node, const int count)
 // Those of all nodes of an element.
 INLINE void gather_displacements(const double *field, const int *dof, const struct ahead *ahead, lanes u[COMPONENTS][NODES])
 {
-    wide first[COMPONENTS][PARTS];
+    TRANSLATION;
     lanes x[COMPONENTS];
     if (ORDER == 1 && ahead) ask(ahead, 0, 1);
-    gather_displacement(field, dof, first, 1, x);
+    gather_displacement(field, dof, translation, 1, x);
     UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][0] = x[c];
     KEEP for (int node = 1; node < NODES; node++) {
         if (ORDER == 1 && ahead) ask(ahead, node, 1);
-        gather_displacement(field, dof + node * LANES, first, 0, x);
+        gather_displacement(field, dof + node * LANES, translation, 0, x);
         UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
     }
 }
