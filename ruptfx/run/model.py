@@ -169,7 +169,11 @@ class Model(System):
                 continue
             try:
                 found[name] = MemorySweep(
-                    replace(self.bulk, only=only, real=DOUBLE), material, f"materials.{name}", number, self.layout.shared
+                    replace(self.bulk, only=only, real=DOUBLE),
+                    material,
+                    f"materials.{name}",
+                    number,
+                    self.layout.shared,
                 )
             except RuptfxError as caught:  # the elements of a rank may differ
                 error = caught

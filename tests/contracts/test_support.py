@@ -70,11 +70,15 @@ FEATURES: dict[str, dict[str, Any]] = {
     "coulomb": {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.6}},
     "weakened": {"faults.main.nucleation": [{"kind": "friction_drop", "mu_d": 0.1, "center": 2e-3,
                                              "half_width": 1e-3}]},
+    "single": {"precision": "single"},
+    "single and sliding": {"precision": "single", "faults.main.sliding": {}},
+    "single and objective": {"precision": "single", "objective": [{"kind": "final_slip", "sigma": 1e-6}]},
     "waves": {"damping": {"mass": 1e3, "kelvin_voigt": {}}, "boundaries": [*SMALL["boundaries"], ABSORBS]},
 }  # fmt: skip
 OF_CRACKS: dict[str, dict[str, Any]] = {
     "plain": {},
     "turning": {"large_rotations": True},
+    "single": {"precision": "single"},
     "meeting": {"large_rotations": True, "collisions": {"kind": "potential"}},
     "stages": {"stages": [{"duration": 4e-6}, {"duration": 6e-6}]},
     "tied": {"boundaries": [{"kind": "periodic", "first": "rock.left", "second": "rock.right"}]},

@@ -10,7 +10,7 @@ Cells = tuple[str, ...]
 
 STEPS = (
     "element", "nodes", "ranks", "M updates /s /core", "bytes /node", "x ufl_form", "x stock ufl", "x PETSc",
-    "of bandwidth", "interface", "speed-up",
+    "of bandwidth", "interface", "x double", "speed-up",
 )  # fmt: skip
 
 
@@ -26,7 +26,8 @@ def step_rows(rows: Sequence[Table]) -> list[Cells]:
             f"{row['node_updates_per_second_per_core'] / 1e6:.0f}", f"{row['bytes_per_node']:.0f}",
             _number(row["ratio_to_ufl_form"], ".0f"), _number(row["ratio_to_stock_ufl_form"], ".0f"),
             _number(row["ratio_to_petsc"], ".1f"), _number(row["ratio_to_bandwidth"], ".0%"),
-            _number(row["interface_share"], ".1%"), _number(row["efficiency"], ".2f"),
+            _number(row["interface_share"], ".1%"), _number(row.get("ratio_of_single"), ".2f"),
+            _number(row["efficiency"], ".2f"),
         )
         for row in rows if "order" in row
     ]  # fmt: skip

@@ -51,6 +51,8 @@ FINE_ROWS = [
     (2, 4, "affine", 350_000, 1), (2, 5, "affine", 350_000, 1), (2, 4, "general", 350_000, 1),
     (3, 4, "affine", 1_000_000, 1), (3, 4, "general", 1_000_000, 1), (2, 4, "affine", 4_000_000, 2),
 ]  # fmt: skip
+# Aims of the time in double over that in single precision.
+AIMS_OF_SINGLE = {(3, 4, "affine", 1_000_000): 1.8, (3, 4, "general", 1_000_000): 1.7, (2, 4, "affine", 350_000): 1.7}
 # Aims in million node updates per second and core, by (dimension, order, geometry, nodes).
 AIMS = {
     (2, 4, "affine", 350_000): 200, (2, 5, "affine", 350_000): 200, (2, 4, "affine", 4_000_000): 160,
@@ -68,8 +70,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     Rows of steps hold dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node,
     ratio_to_ufl_form, ratio_to_stock_ufl_form (the form compiled with DOLFINx's own flags instead of ours for this
     processor), ratio_to_petsc, ratio_to_bandwidth, interface_share; for several ranks efficiency, and
-    independent_efficiency of as many problems that share nothing but the machine. None where not measured. Rows of
-    whole runs follow, see `whole_runs`, then the time that each part took: part, seconds.
+    independent_efficiency of as many problems that share nothing but the machine. On one rank ratio_of_single is the
+    time in double over that in single precision, and single_bytes_per_node what the latter holds. None where not
+    measured. Rows of whole runs follow, see `whole_runs`, then the time that each part took: part, seconds.
     """
     if comm.size > 1:
         raise RuptfxError("bench speed starts its own ranks: run it on one")
@@ -106,6 +109,11 @@ def _of_steps(rows: list[Table]) -> list[Check]:
         aim = AIMS.get((row["dim"], row["order"], row["geometry"], row["asked"]))
         if aim and row["ranks"] == 1:
             at_least(what, aim, row["node_updates_per_second_per_core"] / 1e6, "M/s")
+        of_single = AIMS_OF_SINGLE.get((row["dim"], row["order"], row["geometry"], row["asked"]))
+        if of_single and row.get("ratio_of_single"):
+            at_least(f"{what}, double over single precision", of_single, row["ratio_of_single"])
+            held = row["single_bytes_per_node"]
+            checks.append(Check(f"{what}, held in single", 90, held, 0, "bytes/node", SOURCE, "at most"))
         if row["efficiency"]:
             at_least(f"{what}, speed-up of 2 ranks", 1.8, row["efficiency"])
         if row["order"] == 1:
@@ -274,6 +282,7 @@ def work(dim: int, order: int, geometry: str, nodes: int) -> Table | None:
         row["ratio_to_stock_ufl_form"] = ufl_step(model, state, motion.dt, tuned=False) / step
         del model, motion, state
         row["ratio_to_petsc"] = petsc_product(dim, order) * row["node_updates_per_second_per_core"]
+        row["ratio_of_single"], row["single_bytes_per_node"] = single_precision(dim, order, geometry, nodes)
     return row if comm.rank == 0 else None
 
 
@@ -295,10 +304,34 @@ def timed_steps(case: Case, comm: MPI.Comm) -> tuple[Model, Motion, State, float
     return model, motion, state, fem.MPI.COMM_WORLD.allreduce(float(np.median(times)), op=fem.MPI.MAX)
 
 
+def single_precision(dim: int, order: int, geometry: str, nodes: int) -> tuple[float, float]:
+    """Return the processor time of steps in double over that in single precision, and bytes per node of the latter.
+
+    The median of pairs: a step of each in turn, for which the machine is as busy.
+    """
+    runs, held = [], 0.0
+    for precision in ("double", "single"):
+        case = problem(dim, order, geometry, nodes).model_copy(update={"precision": precision})
+        model = Model(case, fem.MPI.COMM_SELF)
+        motion, state = case.stepper.bind(model), model.initial_state()
+        held = held_bytes(model, motion, state) / model.nodes
+        runs.append((motion, state))
+    pairs = []
+    for _ in range(4 * SAMPLES):
+        seconds = []
+        for motion, state in runs:
+            began = time.process_time()
+            for _ in range(max(1, 400_000 // nodes)):
+                motion.step(state)
+            seconds.append(time.process_time() - began)
+        pairs.append(seconds[0] / seconds[1])
+    return float(np.median(pairs[2:])), held
+
+
 def held_bytes(model: Model, motion: Motion, state: State) -> float:
     """Return the memory that a step reads or writes [bytes]: vectors, inverse mass, arrays of the operator."""
     vectors = (state.displacement, state.velocity, state.force)
-    per_node = 8.0 * model.nodes
+    per_node = float(model.real.itemsize * model.nodes)
     return sum(vector.nbytes for vector in vectors) + per_node + getattr(model.operator, "nbytes", 0)
 
 

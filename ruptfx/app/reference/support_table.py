@@ -144,6 +144,7 @@ def features() -> Iterator[Feature]:
         yield _alone(f"fracture {kind}", "fracture", way)
         yield Feature(f"fracture {kind} beside an interface", {**INTERFACE, "fracture": way}, ("fracture",))
     yield _alone("large rotations", "large_rotations", Case)
+    yield _alone("single precision", "precision", Case)
     for kind, collisions in alternatives("ruptfx.interfaces.collisions").items():
         for facets, fracture in alternatives("ruptfx.interfaces.cracks").items():
             parts: dict[str, type[Part]] = {"collisions": collisions, "fracture": fracture, "large_rotations": Case}

@@ -296,9 +296,7 @@ class MatrixFree:
         self._keep[name] = array
         setattr(self._plan, name, array.ctypes.data)
 
-    def _pointers(
-        self, *arrays: np.ndarray, size: int | None = None, real: np.dtype = DOUBLE
-    ) -> list[ctypes.c_void_p]:
+    def _pointers(self, *arrays: np.ndarray, size: int | None = None, real: np.dtype = DOUBLE) -> list[ctypes.c_void_p]:
         """Return C pointers of vectors with `size` numbers per node, by default one per component."""
         size = size or self._components
         for array in arrays:

@@ -36,7 +36,16 @@ class Leapfrog(Stepper):
 
     conserving: ClassVar[dict[str, object] | None] = {}
 
-    offers = Stepper.offers | {"ties", "stages", "fracture", "large_rotations", "attachments", "memory", "adjoint", "precision"}
+    offers = Stepper.offers | {
+        "ties",
+        "stages",
+        "fracture",
+        "large_rotations",
+        "attachments",
+        "memory",
+        "adjoint",
+        "precision",
+    }
 
     safety: Fraction = 0.9
     """Time step over the stable one."""
