@@ -185,14 +185,14 @@ def _check_positions(case: Case, name: str, face: Interface, fault: FaultCase) -
     left = face.line.first
     if case.positions is not None or face.line.measure != "x" or abs(left) <= 1e-9 * face.line.length:
         return
-    given = list(positions(fault, f"faults.{name}"))
+    defined = list(positions(fault, f"faults.{name}"))
     if case.stop_when is not None:
-        given += positions(case.stop_when, "stop_when")
-    if given:
+        defined += positions(case.stop_when, "stop_when")
+    if defined:
         raise CaseError(
             f"positions: faults.{name} is along x from {left:g} m, where positions are x; until ruptfx 0.1 they "
             'were lengths from its left end. Say that they are x: add the line positions = "x" before the first '
-            f"table of the case; and if it was written for 0.1, shift them by {left:g} m: {shifted(given, left)}"
+            f"table of the case; and if it was written for 0.1, shift them by {left:g} m: {shifted(defined, left)}"
         )
 
 
@@ -208,8 +208,8 @@ def _check_patches(model: System, name: str, face: Interface, fault: FaultCase) 
     for key, patch in parts(fault, f"faults.{name}"):
         if not isinstance(patch, Patch) or face.across is None:
             continue
-        found = parallel.largest(model.comm, float(patch.share(face.locations).max(initial=0.0)))
-        if found == 0:
+        share = parallel.largest(model.comm, float(patch.share(face.locations).max(initial=0.0)))
+        if share == 0:
             (first, last), (upper, lower) = patch.strike, patch.dip
             deepest = parallel.largest(model.comm, float(face.across.max(initial=0.0)))
             raise CaseError(

@@ -76,8 +76,8 @@ class Model(System):
             materials = {name: each for name, each in materials.items() if name in ("default", *bodies.names)}
             order, boundaries = 1, []
         if broken and bodies.mesh.basix_cell().name != "triangle":
-            found = bodies.mesh.basix_cell().name
-            raise CaseError(f"fracture: bodies break along triangles, this mesh has {found}s; give one of triangles")
+            cell = bodies.mesh.basix_cell().name
+            raise CaseError(f"fracture: bodies break along triangles, this mesh has {cell}s; give one of triangles")
         if not broken and (len(bodies.open_facets) or bodies.joints):
             raise CaseError(
                 "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"
@@ -113,8 +113,8 @@ class Model(System):
             raise CaseError(f"faults: the mesh has the interface '{unknown[0]}', which needs [faults.{unknown[0]}]")
         lines = {fault.name: fault.interface.line for fault in self.faults}
         if case.positions is not None and all(line.measure != "x" for line in lines.values()):
-            found = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
-            raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
+            measures = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
+            raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {measures}")
         self.oblique = self._oblique_nodes()
         self.loads = Loads(self, boundaries)
         self.attachments = [each.bind(self, f"attachments.{number}") for number, each in enumerate(case.attachments)]

@@ -48,8 +48,8 @@ def runs_at_once(
                 number: {"case": table, "key": place.key, "change": change}
                 for number, (place, change) in enumerate(changes)
             }
-            found = answers(client, jobs, 1, SERVER, f"gradient-{uuid4().hex}", _lost, tell)
-            return [found[number]["value"] for number in jobs]
+            results = answers(client, jobs, 1, SERVER, f"gradient-{uuid4().hex}", _lost, tell)
+            return [results[number]["value"] for number in jobs]
 
         yield make
 

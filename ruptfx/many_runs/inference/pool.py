@@ -95,10 +95,10 @@ class Pool:
             column: {"out": str(self._out), "variables": z.tolist(), "column": column, "memory": self._memory}
             for column in range(len(z))
         }
-        found = answers(self._client, jobs, self._ranks, SERVER, f"{self._out}-{number}-column",
+        results = answers(self._client, jobs, self._ranks, SERVER, f"{self._out}-{number}-column",
                         lambda column, why: f"infer: the sensitivity of run {number + 1} to variable {column + 1} was "
                         f"lost ({why}); the same command repeats it", tell)  # fmt: skip
-        return [np.array(found[column]["column"]) for column in range(len(z))]
+        return [np.array(results[column]["column"]) for column in range(len(z))]
 
 
 @contextmanager

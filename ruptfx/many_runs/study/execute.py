@@ -179,8 +179,8 @@ class Runner:
                 result = self.store.result(key) or commit(out, key, workspace(out, key), lost)
             results[key] = result
             self.count.finished(result)
-        found = {name for result in results.values() if result for name in result.get("values", {})}
-        study.require_quantities(points[0].case, found)
+        names = {name for result in results.values() if result for name in result.get("values", {})}
+        study.require_quantities(points[0].case, names)
         return [(point, results[point.hash]) for point in points]  # type: ignore[misc]
 
     def _table(self, point: Point) -> Table:
