@@ -1,5 +1,5 @@
 // Forces between triangles that overlap, from the potential phi = 3 min(l_1, l_2, l_3) of either, and friction.  Corners
-// are x, y of three nodes; a pair is computed in the order of its cells, so that any rank finds the same bits.  _step.py
+// are x, y of three nodes; a pair is computed in the order of its cells, so that any rank finds the same bits.  step.py
 // writes in front of this file return_map.c and, for a law with rates or states (RATED), rated.c with its traced formulas.
 #include <string.h>
 

@@ -1,4 +1,4 @@
-// Tractions of facets and the forces of their cells, LANES ends at a time (two for every facet).  _step.py writes in
+// Tractions of facets and the forces of their cells, LANES ends at a time (two for every facet).  step.py writes in
 // front of this file lanes.c, BONDED, RATED (friction knows rates), where states are, which parameters vary from end to
 // end, and the traced formulas of cohesion and friction.
 #include <string.h>
@@ -24,7 +24,7 @@ struct end {
 #endif
 };
 
-// What it carries at a given damage, and the damage which that would lead to.
+// Tractions of an end at a trial damage, and the damage that follows from its opening and slip under them.
 struct answer { double normal, shear, inelastic, largest, slip, cohesive, strength, damage, friction, left; };
 
 static __attribute__((noinline)) struct answer respond(const struct end *end, const double *number, double damage)
@@ -63,8 +63,8 @@ static __attribute__((noinline)) struct answer respond(const struct end *end, co
     return at;
 }
 
-// What it carries at the damage that agrees with the strength it leaves; `worst` grows to the difference that is left.
-// left: what remains of the strength at the damage before.
+// Tractions of an end at the damage that agrees with the one following from them; `worst` becomes the largest difference that
+// the search accepts. left_before: remaining strength at the damage before.
 static __attribute__((noinline)) struct answer solve_damage(const struct end *end, const double *number, double *damage,
                                                       double *left_before, double *worst)
 {

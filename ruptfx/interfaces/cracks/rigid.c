@@ -1,5 +1,5 @@
 // Bodies whose facets are rigid until their strength: corners that are tied to each other, the strength of tied facets, and
-// the tractions of those that have been inserted. _rigid.py writes in front of this file rigid_types.c, facet_law.c once
+// the tractions of those that have been inserted. rigid.py writes in front of this file rigid_types.c, facet_law.c once
 // for every group of facets, their table LAWS, and patch.c.
 
 #define CHUNK 64  // facets looked at together
@@ -358,7 +358,7 @@ void hold(const struct rigid *r, long count, const int *vertices, double dt, dou
         vertex(r, vertices[i], dt, kick, since, displacement, push, before, velocity, force, state, taken);
 }
 
-// What facets emit that have been inserted and have not failed, and which of them fail.
+// Record the largest gain of kinetic energy beside inserted facets until they fail, and when and with which slip they fail.
 void listen(const struct rigid *r, long facets, const int *waiting, double time, const double *velocity,
             double *const *state, double *const *facet)
 {

@@ -1,4 +1,4 @@
-// What rigid.c and the formulas of laws in front of it share. _rigid.py writes in front of this file where states are, and
+// Types of rigid.c and of the formulas of laws in front of it. rigid.py writes in front of this file where states are, and
 // how many corners and ends a vertex has at most.
 #include <string.h>
 
@@ -15,7 +15,7 @@ struct law {
                     double since);
 };
 
-// What does not change during a run but for leader, split, inserted and left; _rigid.py explains the arrays.
+// Arrays of a run, which rigid.py explains; leader, split, inserted and left change during it.
 struct rigid {
     long cells, facets;
     const int *star_start, *star, *ends_start, *ends, *place, *corner, *cell, *group, *first_number, *dof, *body;

@@ -115,7 +115,7 @@ void keep(long n, const long *index, double *const *field, double *kept)
         for (long p = 0; p < n; p++) kept[i * n + p] = field[i][index[p]];
 }
 
-// As `update`, for the points with these indices, from the fields that were kept.
+// Repeat `update` for the points with these indices, from the copies of their fields: `update` has overwritten these.
 void update_held(long n, const long *index, const double *kept, const struct times *times, const long *plus,
                  const long *minus, const double *displacement, real *velocity, real *force, const double *fixed,
                  const double *number, double *const *field, double *result)

@@ -9,7 +9,7 @@ enum { STATES };  // STATE_theta = 0, ...
 
 enum { BEGUN };  // of the law, known when the step begins
 
-// What a law with rates takes besides the slip rate.
+// Arguments of a law with rates besides the slip rate.
 struct rated {
     double *const *state;
     int l;
@@ -52,7 +52,7 @@ static double solve_slip_rate(const struct rated *at, const double *number, doub
     return goes_on != 0 ? NAN : rate;
 }
 
-// What the law knows when the step begins.
+// Quantities of the law that do not depend on the slip rate of the step, computed before its iteration.
 static void begin_friction(struct rated *at, const double *number)
 {
     GIVEN(at)

@@ -1,5 +1,5 @@
 // Mortar pairing: overlaps of facets, and the dual mortar on them. mortar.py defines them; the tests have a NumPy
-// version (tests/reference_mortar.py). It writes in front of this file PLUS and MINUS, the orders of both
+// version (tests/helpers/reference_mortar.py). It writes in front of this file PLUS and MINUS, the orders of both
 // sides, GAUSS, the points of quadrature on an overlap, REACH, OVERHANG and SLIVER.
 #include <math.h>
 #include <string.h>

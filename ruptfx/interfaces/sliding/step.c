@@ -31,8 +31,9 @@ INLINE long filled(const struct pairing *f) { return (f->n + LANES - 1) / LANES 
     for (long first = 0, count = f->n < LANES ? f->n : LANES; first < f->n; \
          first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
-// Quantities of a block without its partners, in its frame.
-INLINE void apart(const struct pairing *f, const struct sweeps *s, long first, int count, const lanes own[2], double *local)
+// Quantities of a block less the mean of its partners, in its frame.
+INLINE void relative_motion(const struct pairing *f, const struct sweeps *s, long first, int count, const lanes own[2],
+                            double *local)
 {
     const long points = filled(f);
     const double *frame = s->frame + first;
@@ -50,7 +51,7 @@ INLINE void apart(const struct pairing *f, const struct sweeps *s, long first, i
 }
 
 // A field at the nodes of the other side; its first component at every node is at `places`.
-INLINE void look_across(const struct pairing *f, const double *field, const long *places)
+INLINE void gather_opposite(const struct pairing *f, const double *field, const long *places)
 {
     for (long j = 0; j < f->m; j++)
         for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[places[f->n + j] + c];
@@ -63,7 +64,7 @@ INLINE void jump_of(const struct pairing *f, const struct sweeps *s, const doubl
     lanes own[2] = {{0}};
     for (int l = 0; l < count; l++)
         for (int c = 0; c < 2; c++) own[c][l] = field[places[first + l] + c];
-    apart(f, s, first, count, own, local);
+    relative_motion(f, s, first, count, own, local);
 }
 
 // Rates of the jump of a block from the velocities as they are.
@@ -76,11 +77,11 @@ INLINE void rates_of(const struct pairing *f, const struct sweeps *s, long first
         const double *acting = f->forces + c * (f->n + f->width) + first;
         EACH_LANE own[c][l] = begun[l] - push[l] * acting[l];
     }
-    apart(f, s, first, count, own, s->rate);
+    relative_motion(f, s, first, count, own, s->rate);
 }
 
 // Forces of the tractions of a block: whether they have changed.
-INLINE int hold_of(const struct pairing *f, const struct sweeps *s, long first)
+INLINE int update_forces(const struct pairing *f, const struct sweeps *s, long first)
 {
     const long points = filled(f);
     const double *traction = s->traction + first, *load = s->load + first, *frame = s->frame + first;
@@ -119,7 +120,7 @@ INLINE void turn(const struct sweeps *s, unsigned char least)
     memset(s->changed, 0, s->parts);
 }
 
-// Whether a block is paired with one of them.
+// Return whether a block is paired with a part of the other side whose forces have changed.
 INLINE int reached(const struct sweeps *s, long first)
 {
     const long *reach = s->reach + 2 * (first / LANES);
@@ -132,7 +133,7 @@ INLINE void mark_changed(const struct sweeps *s, long first, unsigned char how)
     for (long i = reach[0]; i < reach[1]; i++) s->changed[i] = how > s->changed[i] ? how : s->changed[i];
 }
 
-// Whether the tractions of a block are others than `given`; scale: the largest one so far.
+// Return whether tractions of a block differ from the `given` ones beyond the tolerance; scale grows to the largest traction.
 INLINE int unconverged(const struct pairing *f, const struct sweeps *s, long first, const lanes given[2], double *scale)
 {
     double most = 0, largest = *scale;
@@ -168,7 +169,7 @@ INLINE void begin(const struct pairing *f, const struct sweeps *s, double *fixed
     }
 }
 
-// Whether a block has no pressure, also in the last sweep: it continues without tractions.
+// Return whether a block has no pressure, and had none in the last sweep: it needs no friction law then.
 INLINE int open(const struct times *times, const double *number, struct points *points, const lanes given[2])
 {
     UNPACK_TIMES
@@ -203,7 +204,7 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
         EACH_LANE {
             normal[l] = l < count ? points->sigma[l] : 0, shear[l] = l < count ? NEW(shear_traction) : 0;
         }
-        if (!hold_of(f, s, first)) continue;
+        if (!update_forces(f, s, first)) continue;
         const int more = unconverged(f, s, first, given, scale);
         mark_changed(s, first, more ? UNSETTLED : CHANGED);
         many += more;
@@ -219,7 +220,7 @@ INLINE double start(const struct pairing *f, const struct sweeps *s, double *con
     const long points = filled(f), nodes = points + f->m;
     const lanes none[2] = {{0}};
     double scale = 0;
-    // Nodes are far apart in memory: all are asked for before the first is needed.
+    // Nodes are far apart in memory: all are prefetched before the first is needed.
     for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(displacement + f->dofs[i]);
     for (long i = 0; i < f->n + f->m; i++) {
         const long node = i < f->n ? i : points + i - f->n;
@@ -228,7 +229,7 @@ INLINE double start(const struct pairing *f, const struct sweeps *s, double *con
             s->begun[at] = velocity[f->dofs[i] + c] + s->push[at] * s->initial[at];
         }
     }
-    look_across(f, displacement, f->dofs);
+    gather_opposite(f, displacement, f->dofs);
     EACH_BLOCK jump_of(f, s, displacement, f->dofs, first, (int)count, s->jump);
     for (long i = 0; i < 2 * points; i++) s->jump[i] += s->offset[i];
     memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double));
@@ -241,7 +242,7 @@ INLINE double start(const struct pairing *f, const struct sweeps *s, double *con
     memcpy(s->traction + points, field[STATE_shear_traction], f->n * sizeof(double));
     EACH_BLOCK {
         unconverged(f, s, first, none, &scale);
-        if (hold_of(f, s, first)) mark_changed(s, first, CHANGED);
+        if (update_forces(f, s, first)) mark_changed(s, first, CHANGED);
     }
     meet(f, s);
     return scale;
@@ -262,7 +263,7 @@ INLINE void leave(const struct pairing *f, const struct sweeps *s, double *veloc
         }
 }
 
-// Whether tractions act between a block and its partners.
+// Return whether tractions act between a block and its partners.
 INLINE int acts(const struct pairing *f, const struct sweeps *s, long first)
 {
     const double *normal = s->traction + first, *shear = normal + filled(f), *load = s->load + first;
@@ -318,16 +319,16 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
         store(first, (int)count, field, &points);
         memcpy(s->traction + first, field[STATE_normal_stress] + first, count * sizeof(double));
         memcpy(s->traction + points_of + first, field[STATE_shear_traction] + first, count * sizeof(double));
-        if (!hold_of(f, s, first)) continue;
+        if (!update_forces(f, s, first)) continue;
         many += s->most && unconverged(f, s, first, given, &scale);
         mark_changed(s, first, CHANGED);
     }
     meet(f, s);
     leave(f, s, velocity, force);
     turn(s, CHANGED);
-    // Where nothing has changed rates are those of the last sweep.
+    // Blocks without a changed partner have the rates of the last sweep still.
     if (s->most) EACH_BLOCK if (!s->parts || reached(s, first)) rates_of(f, s, first, (int)count);
-    look_across(f, before, s->places);
+    gather_opposite(f, before, s->places);
     EACH_BLOCK if (!s->most || acts(f, s, first)) jump_of(f, s, before, s->places, first, (int)count, s->before);
     if (s->most) work_of(f, s, times->kick, fixed, result);
     else for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
