@@ -19,6 +19,7 @@ import numpy as np
 from ruptfx import simulate
 from ruptfx.app.bench.slip_sequence import MACHINE, ROWS, UNTIL_SLIDE, EdgeAsperity, Sequence, line_of, pushed
 from ruptfx.app.script import begin, save, save_numbers
+from ruptfx.results.analysis.slip_events import speed_against_ratio
 from ruptfx.results.figure_style import GUIDE, letter, new_figure, remark, styled
 
 out = Path("runs/slip_sequence")
@@ -54,7 +55,9 @@ numbers = {}
 for name, each in heights.items():
     start, last = each.precursors[0].start, each.slides[0].start
     half = [event.reach for event in each.precursors if event.start <= 0.5 * (start + last)]
+    slide = speed_against_ratio(each.slides[0], each.position, 12e-3, 6e-3)[1]
     numbers |= {
+        f"pushed at {name} mm: slowest 12 mm of the front of the first slide": (slide.min(), "m/s"),
         f"pushed at {name} mm: static coefficient": each.slides[0].force / each.load,
         f"pushed at {name} mm: first length l_0": (each.precursors[0].reach, "m"),
         f"pushed at {name} mm: longest event over L, first half of the time": max(half) / each.length,
