@@ -101,6 +101,15 @@ def complete(run: Path, summary: Table) -> None:
     for name in files:
         if (run / name).is_file() and not name.startswith(FREE):
             files[name] = checksum(run / name)
+    _write_summary(run, files, summary)
+
+
+def replace_summary(run: Path, summary: Table) -> None:
+    """Replace the summary of a complete run; the checksums of its other files stay."""
+    _write_summary(run, listed(run) or {}, summary)
+
+
+def _write_summary(run: Path, files: Sums, summary: Table) -> None:
     temporary = run / f".{SUMMARY}"
     write_json(temporary, summary)
     _write(run, {**files, SUMMARY: checksum(temporary)})

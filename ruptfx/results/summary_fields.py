@@ -108,6 +108,8 @@ DESCRIPTIONS = {
     "failed_length": "Length of all facets that failed; notches, which were open from the start, are not counted.",
     "fragments": "Number of fragments at the last snapshot.",
     "energy_closure": "Unaccounted energy over the work of the boundaries.",
+    "error_bars": "Only after `ruptfx converge`: half-width of the error bar of numbers by name, of what, and why a "
+    "number is not in the asymptotic range.",
     "wall_time": "Wall-clock time of the run.",
     "steps": "Number of time steps.",
     "time_step": "The last time step.",
@@ -143,7 +145,7 @@ def unit(name: str, plane: str = "") -> str:
 
 def flat(summary: Table) -> Table:
     """Return the scalars of a summary with those of its interfaces, as `interfaces.NAME.mode`."""
-    entries = {name: value for name, value in summary.items() if name != "interfaces"}
+    entries = {name: value for name, value in summary.items() if name not in ("interfaces", "error_bars")}
     tables = summary.get("interfaces") or {}
     return entries | {
         f"interfaces.{interface}.{name}": value for interface, table in tables.items() for name, value in table.items()

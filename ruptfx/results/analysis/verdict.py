@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from ruptfx import Table
@@ -53,7 +54,8 @@ def _sliding(summary: Table) -> Iterator[str]:
     speed, error = summary.get("tip_speed"), summary.get("tip_speed_error") or 0.0
     for wave in ("c_R", "c_s"):
         if over := summary.get(f"tip_speed_over_{wave}"):
-            yield f"{over:.2f} {wave} ± {max(error * over / speed, 0.01):.2f}"
+            of_mesh = _bars(summary).get(f"tip_speed_over_{wave}", {}).get("bar", 0.0)
+            yield f"{over:.2f} {wave} ± {max(error * over / speed, of_mesh, 0.01):.2f}"
             return
 
 
@@ -88,7 +90,29 @@ def rows(summary: Table, most: int = 8) -> list[tuple[str, str]]:
     summary : dict
         Content of `summary.json`.
     """
-    return [(name, shown(name, value)) for name in ROWS if (value := summary.get(name))][:most]
+    known = [(name, value) for name in ROWS if (value := summary.get(name))][:most]
+    bars = _bars(summary)
+    return [(name, shown(name, value) + (_bar(name, bars[name]) if name in bars else "")) for name, value in known]
+
+
+def _bars(summary: Table) -> Table:
+    bars: Table = summary.get("error_bars") or {}
+    return bars
+
+
+def _bar(name: str, entry: Table) -> str:
+    return f" ± {shown(name, entry['bar'])} ({entry['of']}{', not in the asymptotic range' * bool(entry['outside'])})"
+
+
+def with_bar(value: float, bar: float) -> str:
+    """Return a value and its error bar with the digits that the bar leaves: 3.59 ± 0.04."""
+    if not bar > 0 or not math.isfinite(bar):
+        return f"{value:.6g} ± {bar:.2g}"
+    place = math.floor(math.log10(bar)) - (bar < 3 * 10 ** math.floor(math.log10(bar)))
+    digits = max(math.floor(math.log10(abs(value))) if value else place, place) - place
+    if -5 < place <= 0 and abs(value) < 1e5:
+        return f"{value:.{-place}f} ± {bar:.{-place}f}"
+    return f"{value:.{min(digits, 15)}e} ± {bar:.1e}"
 
 
 def shown(name: str, value: float) -> str:

@@ -1,0 +1,69 @@
+"""`ruptfx converge`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from ruptfx.app.commands._shared import CaseFile, Overrides, begin, reported, screen, table_console
+
+if TYPE_CHECKING:
+    from ruptfx.many_runs.convergence.levels import Row
+
+HEADING = "Compute"
+
+
+def converge(
+    case: CaseFile,
+    out: Annotated[Path | None, typer.Option(help="Directory; default converge/<name of the case>.")] = None,
+    levels: Annotated[int, typer.Option(help="Spacings: that of the case, and coarser ones by factors of 2.")] = 3,
+    of: Annotated[str, typer.Option(help="What is made coarser: mesh, step, or mesh,step.")] = "mesh",
+    set_: Overrides = None,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks of every run.")] = 1,
+    cores: Annotated[int | None, typer.Option(min=1, help="Cores to use on this machine; default all.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; default is this machine.")] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run failed levels again.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the convergence of another case in --out.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Run a case and the same on coarser meshes: an error bar for every number of the summary and the instruments.
+
+    Started again, it runs only the missing levels. The run of the case as it is has the bars in its summary.
+
+    Example: ruptfx converge demos/antiplane.toml --set duration="1 s"
+    """
+    begin(f"reading {case}", not quiet)
+    with reported():
+        from ruptfx.many_runs.convergence import converge as run
+
+        result = run(
+            case, out or Path("converge") / case.stem, changes=set_ or [], levels=levels,
+            of=[word.strip() for word in of.split(",")], ranks=ranks, cores=cores, scheduler=scheduler, retry=retry,
+            show=not quiet, overwrite=overwrite,
+        )  # fmt: skip
+        table = Table("number", "value", "extrapolated", "order", "", box=None, pad_edge=False)
+        for row in result.rows:
+            table.add_row(*_cells(row))
+        table_console().print(table)
+        for text in result.notes:
+            screen.print(f"no result: {text}", style="red", soft_wrap=True)
+        inside = sum(not row.outside for row in result.rows)
+        screen.print(f"{inside} of {len(result.rows)} numbers are in the asymptotic range", soft_wrap=True)
+        screen.print(f"Run of the case, with its bars: {result.run}", soft_wrap=True)
+        screen.print(f"Files: {', '.join(map(str, result.files))}", soft_wrap=True)
+
+
+def _cells(row: Row) -> list[str]:
+    from ruptfx.results.analysis.verdict import with_bar
+
+    one = next(iter(row.by.values()))
+    orders = ", ".join("-" if each.order is None else f"{each.order:.2g}" for each in row.by.values())
+    extrapolated = f"{one.extrapolated:.5g}" if len(row.by) == 1 and not one.outside else "-"
+    reason = f"not in the asymptotic range: {row.outside}" if row.outside else ""
+    return [row.name.replace("_", " "), f"{with_bar(row.value, row.bar)} {row.unit}".rstrip(), extrapolated, orders,
+            reason]  # fmt: skip
