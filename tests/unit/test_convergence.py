@@ -95,8 +95,9 @@ def test_a_small_case(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     pytest.importorskip("distributed")
     pushed = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 10.0, "ramp": 1e-6}
+    receiver = INSTRUMENTS[0] | {"interval": 4e-7}
     weak = {"kind": "linear_slip_weakening", "mu_s": 0.3, "mu_d": 0.1, "D_c": 1e-5}
-    changes = {"duration": 5e-6, "mesh.element_size": 1e-3, "instruments": [INSTRUMENTS[0] | {"interval": 4e-7}], "boundaries": [pushed],
+    changes = {"duration": 5e-6, "mesh.element_size": 1e-3, "instruments": [receiver], "boundaries": [pushed],
                "faults.main.friction": weak}  # fmt: skip
     path = tmp_path / "case.toml"
     path.write_text(tomli_w.dumps(merged(plates(), changes)))
