@@ -14,7 +14,7 @@ from helpers.small_cases import INSTRUMENTS, merged, plates
 
 from ruptfx import RuptfxError
 from ruptfx.many_runs.convergence import converge, estimate, figure
-from ruptfx.many_runs.convergence.levels import Row
+from ruptfx.many_runs.convergence.estimates import Row
 from ruptfx.many_runs.convergence.readings import of_signal
 from ruptfx.results.analysis.verdict import rows, verdict, with_bar
 from ruptfx.results.record import Record

@@ -11,7 +11,7 @@ from rich.table import Table
 from ruptfx.app.commands._shared import CaseFile, Overrides, begin, reported, screen, table_console
 
 if TYPE_CHECKING:
-    from ruptfx.many_runs.convergence.levels import Row
+    from ruptfx.many_runs.convergence.estimates import Row
 
 HEADING = "Compute"
 

@@ -17,7 +17,7 @@ numbers in the asymptotic range of 13 coarse cases, with 2 in 95 %. Without the 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +50,34 @@ class Estimate:
     order: float | None
     outside: str
     values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """Error estimates of one number.
+
+    Attributes
+    ----------
+    name, unit : str
+    value : float
+    bar : float
+        Sum of the bars of all families.
+    by : dict of str to Estimate
+        By family, mesh or step.
+    """
+
+    name: str
+    unit: str
+    value: float
+    bar: float
+    by: Mapping[str, Estimate]
+
+    @property
+    def outside(self) -> str:
+        """Reasons why the number is not in the asymptotic range; empty if it is."""
+        several = len(self.by) > 1
+        items = [(family, each.outside) for family, each in self.by.items() if each.outside]
+        return "; ".join(f"{family}: {reason}" if several else reason for family, reason in items)
 
 
 def estimate(values: Sequence[float], spacings: Sequence[float]) -> Estimate:

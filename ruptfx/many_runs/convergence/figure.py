@@ -13,7 +13,7 @@ from ruptfx.results.figure_style import MUTED, STEADY, STICK_SLIP, letter, new_f
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ruptfx.many_runs.convergence.levels import Row
+    from ruptfx.many_runs.convergence.estimates import Row
 
 LINES, BARS = 6, 24  # most lines and most bars
 

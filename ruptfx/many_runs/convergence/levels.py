@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from ruptfx import RuptfxError, Table
 from ruptfx.case import Case, override, read_case
 from ruptfx.input.schema import CaseError, dotted_keys, nearest, value_at
-from ruptfx.many_runs.convergence.estimates import Estimate, estimate
+from ruptfx.many_runs.convergence.estimates import Estimate, Row, estimate
 from ruptfx.many_runs.convergence.readings import readings, shared
 from ruptfx.many_runs.study.definition import Study
 from ruptfx.many_runs.study.execute import run_study
@@ -26,34 +26,6 @@ FAMILIES = ("mesh", "step")
 STEP_KEYS = ("time_step", "tolerance", "rate_tolerance")
 """Keys of steppers that set the length of their steps, in the order of their preference."""
 PRODUCTS = ("converge.json", "converge.csv", "converge.png")
-
-
-@dataclass(frozen=True)
-class Row:
-    """Error estimates of one number.
-
-    Attributes
-    ----------
-    name, unit : str
-    value : float
-    bar : float
-        Sum of the bars of all families.
-    by : dict of str to Estimate
-        By family, mesh or step.
-    """
-
-    name: str
-    unit: str
-    value: float
-    bar: float
-    by: Mapping[str, Estimate]
-
-    @property
-    def outside(self) -> str:
-        """Reasons why the number is not in the asymptotic range; empty if it is."""
-        several = len(self.by) > 1
-        items = [(family, each.outside) for family, each in self.by.items() if each.outside]
-        return "; ".join(f"{family}: {reason}" if several else reason for family, reason in items)
 
 
 @dataclass(frozen=True)
