@@ -241,11 +241,16 @@ class StrengthAtState:
         self._function = to_numpy({"strength": strength, "slope": derivative(strength, rate)}, inputs)
 
     def __call__(
-        self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the strength [Pa] and its derivative with respect to the slip rate [Pa s/m], shapes (n,)."""
+        self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray],
+        rows: slice | np.ndarray = slice(None),
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Return the strength [Pa] and its derivative with respect to the slip rate [Pa s/m], shapes (n,).
+
+        Rates and stresses are those of the points `rows`, states those of all points.
+        """
+        values = (value[rows] if np.ndim(value) else value for value in self._values)
         strength, slope = self._function(
-            slip_rate, normal_stress, *self._values, *(state[name] for name in self._names)
+            slip_rate, normal_stress, *values, *(state[name][rows] for name in self._names)
         )
         return np.broadcast_to(strength, np.shape(slip_rate)), np.broadcast_to(slope, np.shape(slip_rate))
 

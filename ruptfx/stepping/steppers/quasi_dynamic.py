@@ -254,19 +254,23 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         pressure, shear = stresses(fault, time, traction)
         size = size_of(shear)
 
-        # Radiation is the same in all directions: one scalar equation for |tau|.
-        trial = point_step.shifted_trial([size], [eta], [np.zeros_like(size)], 1.0)
+        # Radiation is the same in all directions: one scalar equation for |tau| of the points that friction moves.
+        rows = np.flatnonzero(~(prescribed | fault.is_held))
+        of_rows, pressed = size[rows], pressure[rows]
+        trial = point_step.shifted_trial([of_rows], [eta[rows]], [np.zeros_like(of_rows)], 1.0)
 
         def resistance(rate: np.ndarray) -> Resistance:
-            return *strength(rate, pressure, state), rate  # the law sees V itself
+            return *strength(rate, pressed, state, rows), rate  # the law sees V itself
 
-        speed = solved(trial, pressure, pressure, pressure > 0, resistance, guess).rate
-        speed = np.where(pressure > 0, speed, np.nan)
-        wrong = np.flatnonzero(np.isnan(speed) & ~prescribed & ~fault.is_held)
+        speed = np.zeros_like(size)
+        speed[rows] = np.where(pressed > 0, solved(trial, pressed, pressed, pressed > 0, resistance, guess[rows]).rate,
+                               np.nan)  # fmt: skip
+        wrong = np.flatnonzero(np.isnan(speed))
         if len(wrong):
             values = {
-                "shear traction": size, "normal stress": pressure, "strength at rest": resistance(0 * size)[0],
-                "strength at the slip rate that radiates all traction": resistance(trial.free_rate)[0],
+                "shear traction": size, "normal stress": pressure,
+                "strength at rest": strength(0 * size, pressure, state)[0],
+                "strength at the slip rate that radiates all traction": strength(size / eta, pressure, state)[0],
             }  # fmt: skip
             self._unbalanced = unbalanced(fault, time, wrong[0], values)
         rate = speed[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
@@ -277,9 +281,10 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
             # Slip follows the bodies there, and friction gives the traction.
             rate = np.where(prescribed[:, None], growth[:, self._shear], rate)
             speed = size_of(rate)
-            carried = (strength(speed, pressure, state)[0] + eta * speed)[:, None] * rate
-            carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
-            traction[:, self._shear] = np.where(prescribed[:, None], carried, traction[:, self._shear])
+            at = np.flatnonzero(prescribed)
+            carried = strength(speed[at], pressure[at], state, at)[0] + eta[at] * speed[at]
+            carried = (carried / np.where(speed[at] > 0, speed[at], 1.0))[:, None] * rate[at]
+            traction[at, self._shear] = carried - fault.driving_shear(time)[at]
         changing = evolution.rates(state, np.maximum(speed, AT_REST), pressure)
         unused = np.zeros((len(speed), self._states - evolution.columns))
         return np.column_stack([rate, changing, unused, traction])
