@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import read_case, simulate
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, save
 from ruptfx.results.analysis.photoelasticity import fringe_order, intensity
 from ruptfx.results.analysis.raster import Raster
-from ruptfx.results.figure_style import letter, new_figure, save, style
+from ruptfx.results.figure_style import letter, new_figure, style
 
 begin("runs/contact_fringes_smooth", "runs/contact_fringes")
 path = Path(__file__).with_name("contact_fringes.toml")
@@ -53,4 +53,4 @@ with style():
     label = f"Dark-field intensity, {1e-6 * constant / thickness:.3g} MPa per fringe"
     figure.colorbar(image, ax=list(axes[0]), label=label)
     letter(axes[0])
-save(figure, records["rough"].path / "figures" / "pair.png", "png")
+save(figure, records["rough"].path / "figures" / "pair.png")

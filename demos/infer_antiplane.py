@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import infer, read_case, simulate
-from ruptfx.app.script import begin
-from ruptfx.results.figure_style import new_figure, save, style
+from ruptfx.app.script import begin, save
+from ruptfx.results.figure_style import new_figure, style
 
 OUT = Path("inferences/infer_antiplane")
 NOISE, SEED = 0.05, 1
@@ -108,4 +108,4 @@ with style():
     inset.set_xlabel("Iteration", fontsize=6, labelpad=1)
     inset.set_title("Misfit over that of noise", fontsize=6, pad=2)
     inset.tick_params(labelsize=5)
-save(figure, OUT / "infer_antiplane.png", "png")
+save(figure, OUT / "infer_antiplane.png")

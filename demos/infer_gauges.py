@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import infer, read_case, simulate
-from ruptfx.app.script import begin
-from ruptfx.results.figure_style import new_figure, save, style
+from ruptfx.app.script import begin, save
+from ruptfx.results.figure_style import new_figure, style
 
 OUT = Path("inferences/infer_gauges")
 NOISE, SEED = 5e-6, 1
@@ -111,4 +111,4 @@ with style():
     widths.axvline(1.0, color="k", lw=0.8, ls="--")
     widths.set_yticks(range(len(samples)), [name.replace(" ", "\n") for name in samples])
     widths.set(xlabel="68 % interval over the truth", ylim=(len(samples) - 0.5, -0.5))
-save(figure, OUT / "infer_gauges.png", "png")
+save(figure, OUT / "infer_gauges.png")

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import simulate
-from ruptfx.app.script import begin, save_numbers
+from ruptfx.app.script import begin, save, save_numbers
 from ruptfx.case import parse_case, read_toml
 from ruptfx.results.analysis.image_correlation import errors, experiment
-from ruptfx.results.figure_style import letter, new_figure, save, style
+from ruptfx.results.figure_style import letter, new_figure, style
 
 CASE = Path(__file__).with_name("pressed_block.toml")
 begin("runs/pressed_block", "runs/pressed_block_single", "runs/pressed_block_rough")
@@ -72,7 +72,7 @@ with style():
     for ax in axes[:, 0]:
         ax.set_ylabel("y (mm)")
     letter(axes.ravel())
-save(figure, record.path / "figures" / "strains.png", "png")
+save(figure, record.path / "figures" / "strains.png")
 
 # %% [markdown]
 # The single block has an interface that neither opens nor slips: friction is unlimited, and a stress that bends nothing
@@ -129,4 +129,4 @@ with style():
         row[0].set_ylabel(f"{name}\ny (mm)")
     for ax in axes[-1]:
         ax.set(xlabel="x (mm)", xticks=[0, 50, 100])
-save(figure, record.path / "figures" / "specimens.png", "png")
+save(figure, record.path / "figures" / "specimens.png")

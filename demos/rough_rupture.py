@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import simulate
-from ruptfx.app.script import begin, save_numbers
+from ruptfx.app.script import begin, save, save_numbers
 from ruptfx.case import parse_case, read_toml
 from ruptfx.results.analysis.asperities import asperities
-from ruptfx.results.figure_style import new_figure, save, style
+from ruptfx.results.figure_style import new_figure, style
 
 table, name = read_toml(Path(__file__).with_name("rough_rupture.toml")), "rough_rupture"
 if sys.argv[1:] == ["small"]:
@@ -80,4 +80,4 @@ with style():
     ax.plot(1e3 * position[closed], 1e6 * after[closed], "ko", ms=2, label="first slip of contacts")
     ax.set(xlabel="x (mm)", ylabel="Time after the nucleation (µs)", xlim=(-1e3 * end, 1e3 * end), ylim=(0, last))
     ax.legend(loc="lower center", ncols=3, bbox_to_anchor=(0.5, 1.0), frameon=False)
-save(figure, record.path / "figures" / "arrivals.png", "png")
+save(figure, record.path / "figures" / "arrivals.png")

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ruptfx import gradient, read_case, simulate
-from ruptfx.app.script import begin
-from ruptfx.results.figure_style import new_figure, save, style
+from ruptfx.app.script import begin, save
+from ruptfx.results.figure_style import new_figure, style
 
 OUT = Path("gradients/sensitivity")
 begin("runs/sensitivity")
@@ -71,4 +71,4 @@ with style():
     second.axvline(1e-3 * peak, color="#c8501e", lw=0.8)
     second.set(xlabel="x (km)", ylabel="Arrival at 40 km by shear stress\n(s per MPa and km)", xlim=(0, 50))
 OUT.mkdir(parents=True, exist_ok=True)
-save(figure, OUT / "sensitivity.png", "png")
+save(figure, OUT / "sensitivity.png")

@@ -54,6 +54,17 @@ def test_a_script_speaks_with_one_voice_before_it_computes_or_prints(path):
     assert "begin" in called and called.index("begin") < min(loud, default=len(called))
 
 
+@pytest.mark.parametrize("path", sorted(DEMOS.glob("*.py")), ids=lambda path: path.stem)
+def test_ranks_of_a_script_do_not_write_one_picture_at_the_same_time(path):
+    """`ruptfx.app.script.save` writes on the first rank and says where; that of `figure_style` writes on all."""
+    imported = {
+        (node.module, name.name) for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) for name in node.names
+    }  # fmt: skip
+    assert ("ruptfx.results.figure_style", "save") not in imported
+    assert ("ruptfx.app.script", "save") in imported or ".savefig(" not in path.read_text(encoding="utf-8")
+
+
 def test_the_container_and_make_demo_draw_the_pictures_of_the_main_script(tmp_path, monkeypatch):
     """All three run the same case; the script is run on two ranks by its reader."""
     cases = []
