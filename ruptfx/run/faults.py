@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,13 @@ from ruptfx.platform import parallel
 if TYPE_CHECKING:
     from ruptfx.case import Case, FaultCase
     from ruptfx.interfaces.mechanisms.system import System
+
+
+MEETS = 1.5
+"""Distance of two interfaces over that of neighbouring points there, below which they meet.
+
+Their common point is one of the first interface only.
+"""
 
 
 def make_fault(model: System, case: Case, name: str, fault: FaultCase) -> tuple[Fault, FaultCase]:
@@ -172,6 +180,32 @@ def _bound_fields(model: System, face: Interface, name: str, fault: FaultCase) -
             parallel.raise_on_all(model.comm, error)
             contributions.append(table.bind(model, face, key))
     return FaultFields(contributions, len(face.plus))
+
+
+def require_separate_fluids(model: System) -> None:
+    """Refuse interfaces that meet and have fluid that flows along both, which is not exchanged; collective.
+
+    Raises
+    ------
+    CaseError
+        On all ranks.
+    """
+    flows = [fault for fault in model.faults if any(each.flows for each in fault.fields.contributions)]
+    places = {}
+    for fault in flows:
+        places[fault.name] = parallel.share_rows(model.comm, fault.interface.points[fault.interface.owned])
+    for (first, ours), (second, theirs) in combinations(places.items(), 2):
+        away = [np.linalg.norm(ours - place, axis=1).min() for place in theirs]
+        place = theirs[int(np.argmin(away))]
+        row = int(np.argmin(np.linalg.norm(ours - place, axis=1)))
+        spacing = np.sort(np.linalg.norm(ours - ours[row], axis=1))[:2][-1]
+        if min(away) <= MEETS * spacing:
+            where = ", ".join(f"{value:.6g}" for value in ours[row])
+            raise CaseError(
+                f"faults.{second}.pore_pressure: meets faults.{first} at ({where}) m, where fluid would flow from one "
+                f"into the other, which is not computed; use kind = 'given' for one of them, or remove "
+                f"faults.{second}.pore_pressure"
+            )
 
 
 def _check_positions(case: Case, name: str, face: Interface, fault: FaultCase) -> None:

@@ -38,7 +38,7 @@ from ruptfx.laws.materials import WaveSpeeds
 from ruptfx.laws.materials.traced import TracedMaterial, traced
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen.native import DOUBLE
-from ruptfx.run.faults import make_fault
+from ruptfx.run.faults import make_fault, require_separate_fluids
 from ruptfx.run.viscous_layer import viscous_layer
 
 ALONG = 1e-12  # a normal is along an axis if its largest component differs from 1 by less
@@ -108,6 +108,7 @@ class Model(System):
         for name, fault in case.faults.items():
             made, self.placed[name] = make_fault(self, case, name, fault)
             self.faults.append(made)
+        require_separate_fluids(self)
         unknown = [name for name in self.bodies.interfaces if name not in case.faults]
         if unknown:
             raise CaseError(f"faults: the mesh has the interface '{unknown[0]}', which needs [faults.{unknown[0]}]")

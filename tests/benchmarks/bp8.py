@@ -128,7 +128,8 @@ def march(spacing: float) -> March:
             expected = [rise(float(np.hypot(face.position[i], face.across[i])), state.time) for i in stations]
             pressures = np.array([fields["pore_pressure"][stations], expected]).T
     stored = float(along.along.mass[face.number] @ fields["pore_pressure"]) / along.injected
-    return March(*np.array(rows).T, pressures, stored, face.position, face.across, slip)
+    times, rates, slips = np.array(rows).T
+    return March(times, rates, slips, pressures, stored, face.position, face.across, slip)
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.small_cases import case, march, merged, plates, slip_weakening, strike_slip
+from helpers.small_cases import branched, case, march, merged, plates, slip_weakening, strike_slip
 from helpers.strike_cases import faulted
 from helpers.whole_runs import whole_and_resumed
 from scipy.special import exp1
@@ -390,3 +390,22 @@ def test_a_well_in_a_section_that_repeats_along_strike_is_that_of_theis(permeabi
     np.testing.assert_allclose(pressure, expected, rtol=0, atol=3e-3 * expected.max())
     assert made.along.mass[face.number] @ pressure == pytest.approx(0.5e-9 * duration, rel=1e-10)
     assert np.all(pressure[np.abs(face.position) > 7.6] == 0)
+
+
+def test_faults_that_meet_exchange_no_fluid_and_are_refused_with_a_remedy() -> None:
+    """The branch begins on the main fault; with a known pressure there, or none, the case is accepted."""
+    layer = {**WELL, "wells": []}
+    pressed = {f"faults.{name}.initial_stress.normal": 6e6 for name in ("main", "branch")}
+    both = {**pressed, "faults.main.pore_pressure": layer, "faults.branch.pore_pressure": layer}
+    with pytest.raises(
+        CaseError, match=facts(r"faults\.branch\.pore_pressure: meets faults\.main at .* use kind = 'given'.*remove")
+    ):
+        Model(parse_case(branched(both)))
+    for changes in (
+        {"faults.branch.pore_pressure": {"kind": "given", "pressure": 1e5}},
+        {"faults.branch.pore_pressure": []},
+    ):
+        model = Model(parse_case(branched({**both, **changes})))
+        assert [fault.name for fault in model.faults if any(each.flows for each in fault.fields.contributions)] == [
+            "main"
+        ]

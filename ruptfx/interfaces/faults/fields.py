@@ -82,6 +82,8 @@ class Contribution:
     """Whether it depends on the heat of friction."""
     is_aged: bool = False
     """Whether it depends on the state theta of the friction law."""
+    flows: bool = False
+    """Whether fluid flows along the interface."""
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return its memory at the start of a run."""

@@ -22,6 +22,7 @@ from ruptfx.platform import fem, parallel
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
+    from ruptfx.bodies.space.discretisation import Discretisation
     from ruptfx.interfaces.faults.interface import Interface
     from ruptfx.interfaces.mechanisms.system import System
 
@@ -84,13 +85,13 @@ class Along:
         fixed: np.ndarray,
     ) -> None:  # fmt: skip
         self.total, self.mass, self._fixed = face.total, storage * area, fixed
-        assemble = self._assembled if model.section is None else self._repeated
-        self.stiffness = assemble(model, face, name, mobility)
+        make = self._repeated if model.section is not None else self._assembled
+        self.stiffness = make(model, face, name, mobility)
         self._free = diags((~fixed).astype(float))
         self._known: tuple[float, SuperLU] | None = None
 
     @staticmethod
-    def _assembled(model: System, face: Interface, name: str, mobility: np.ndarray) -> csr_matrix:
+    def _assembled(model: Discretisation, face: Interface, name: str, mobility: np.ndarray) -> csr_matrix:
         """Return the stiffness of all points; collective."""
         ufl, dolfinx = fem.ufl, fem.dolfinx
         space = model.space.sub(0).collapse()[0] if model.components > 1 else model.space

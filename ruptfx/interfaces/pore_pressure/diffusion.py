@@ -152,6 +152,7 @@ class PressureAlong(Contribution):
     """
 
     adds = ("pore_pressure",)
+    flows = True
 
     def __init__(self, table: Diffusion, model: System, face: Interface, name: str) -> None:
         self._face, self._table, self._comm = face, table, model.comm
@@ -239,4 +240,4 @@ class PressureAlong(Contribution):
     def uncertainty(self, heating: Heating) -> np.ndarray | float:
         if self._step is None:
             return 0.0
-        return np.abs(self._step.error)[self._face.number] + np.abs(self._differs(heating))
+        return np.asarray(np.abs(self._step.error)[self._face.number] + np.abs(self._differs(heating)))
