@@ -503,6 +503,32 @@ def test_after_gmsh_a_pipe_that_nobody_reads_is_an_error_of_python() -> None:
     assert ignored is not None and int(ignored[1], 16) >> (signal.SIGPIPE - 1) & 1
 
 
+@pytest.mark.parametrize("dip", [30.0, 60.0, 90.0])
+def test_a_section_across_a_dipping_fault(dip: float) -> None:
+    """6 m of fault in elements of 1 m, 3 m below it: the hanging wall is above, positions are distances down dip."""
+    mesh = {
+        "kind": "dipping_section",
+        "fault_width": 6.0,
+        "beyond": 3.0,
+        "distance": 4.0,
+        "element_size": 1.0,
+        "dip": dip,
+    }
+    model = Model(case({"mesh": mesh, "order": 1}), fem.MPI.COMM_SELF)
+    face, angle = model.faults[0].interface, np.deg2rad(dip)
+    down = np.array([np.cos(angle), -np.sin(angle)])
+    np.testing.assert_allclose(face.points, np.outer(np.arange(10.0), down), atol=1e-12)
+    np.testing.assert_allclose(face.position - face.position[0], np.arange(10.0), atol=1e-9)
+    np.testing.assert_allclose(face.frame[:, 0], np.tile([np.sin(angle), np.cos(angle)], (10, 1)), atol=1e-9)
+    np.testing.assert_allclose(face.frame[:, 1], np.tile(down, (10, 1)), atol=1e-9)
+    raw = KINDS["dipping_section"].model_validate({k: v for k, v in mesh.items() if k != "kind"}).build()
+    for body, sign in (("plus", 1), ("minus", -1)):
+        top, bottom, far = (raw.points[np.unique(raw.edges[f"{body}.{edge}"])] for edge in ("top", "bottom", "far"))
+        np.testing.assert_allclose(top, np.outer(sign * np.arange(5.0), [1, 0])[:: int(sign)], atol=1e-9)
+        np.testing.assert_allclose(bottom[:, 1], -9 * np.sin(angle))
+        np.testing.assert_allclose(far[:, 0] + far[:, 1] / np.tan(angle), sign * 4.0, atol=1e-9)
+
+
 def test_a_dipping_fault_has_no_half() -> None:
     fields = {"fault_length": 9e-3, "fault_width": 4e-3, "element_size": 1e-3, "beyond": 2e-3, "distance": 3e-3}
     with pytest.raises(ValueError, match=facts(r"half = true: .*dips at 60 degrees.*leave out half, or make dip 90")):

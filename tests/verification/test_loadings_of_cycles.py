@@ -43,7 +43,8 @@ def onsets(edges_move: bool) -> np.ndarray:
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
     state.lazy_bodies = True
-    begun, slides = [], False
+    begun: list[float] = []
+    slides = False
     while len(begun) < 2:
         motion.step(state)
         fastest = state.faults["main"]["slip_rate"].max()

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from ruptfx import RuptfxError
 from ruptfx.app.checks.preflight import preflight
 from ruptfx.app.commands import check
+from ruptfx.app.commands._shared import screen
 from ruptfx.bodies.boundaries.driven import Driven
 from ruptfx.bodies.meshes.half_plate import HalfPlate
 from ruptfx.bodies.meshes.two_plates import TwoPlates
@@ -294,7 +295,7 @@ def test_check_says_memory_and_time_before_a_matrix_is_computed(monkeypatch: pyt
 
 def test_long_computations_are_said_before_they_begin(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    monkeypatch.setattr(check.screen, "print", said.append)
+    monkeypatch.setattr(screen, "print", said.append)
     first, last = Row("matrices", 3.5e6, "B", "at most", early=True), Row("time", 42.0, "s", "of one core", early=True)
     rows = check._collected(iter([first, last, Row("other", 1.0)]))
     assert next(rows) is first and next(rows) is last and not said
