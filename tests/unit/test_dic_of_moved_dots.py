@@ -83,6 +83,7 @@ def test_a_turn_is_no_strain() -> None:
     assert turn == pytest.approx(-s, rel=0.01)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("given, pixel, unit", [([], 1.0, "pixel"), (["--pixel", "20 um"], 2e-5, "m")])
 def test_command_on_two_files(given: list[str], pixel: float, unit: str, tmp_path: Path) -> None:
     """Strains of files whose first row is the top one: xx 0.4 %, yy -0.2 %, xy (0.3 % - 0.1 %) / 2, to 2e-4.

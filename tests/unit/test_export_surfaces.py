@@ -205,6 +205,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.fem
+@pytest.mark.usefixtures("blank_pictures")
 def test_scec_files_are_compared_with_the_run_that_wrote_them(run: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["export", str(run), "--format", "scec", "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
