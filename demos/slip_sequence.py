@@ -9,7 +9,7 @@
 # Block, load, heights and spring are those of the source; friction, 0.35, 0.40 or 0.45 at random, is our choice. The
 # real contact area is proportional to the normal stress here. Numbers are checked by `ruptfx bench slip_sequence`.
 #
-# Run with `python demos/slip_sequence.py`: some two minutes.
+# Run with `python demos/slip_sequence.py`: about three minutes.
 
 # %%
 from pathlib import Path
