@@ -257,11 +257,12 @@ def test_contact_varies_down_dip_only(axis: int, monkeypatch: pytest.MonkeyPatch
     if axis == 2:
         with pytest.raises(CaseError, match=facts("faults.contact: .* C_n and C_s")):
             case.stepper.bind(model)
-        return
-    motion = case.stepper.bind(model)
-    assert isinstance(motion, SeriesMotion)
-    contact = motion._bodies._contact  # the surface first, 4 m down dip last
-    np.testing.assert_allclose(contact[[0, 4, -1]], 1e-13 * np.outer([1.0, 1.2, 1.4], [1.0, 1.0, 2.0]), rtol=1e-9)
+    else:
+        motion = case.stepper.bind(model)
+        assert isinstance(motion, SeriesMotion)
+        contact = motion._bodies._contact  # the surface first, 4 m down dip last
+        expected = 1e-13 * np.outer([1.0, 1.2, 1.4], [1.0, 1.0, 2.0])
+        np.testing.assert_allclose(contact[[0, 4, -1]], expected, rtol=1e-9)
 
 
 def test_refuses_matrices_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
