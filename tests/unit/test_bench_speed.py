@@ -42,6 +42,7 @@ def test_tables_are_of_the_saved_rows() -> None:
         "dim": 2, "order": 4, "geometry": "affine", "nodes": 349_000, "ranks": 1, "bytes_per_node": 66.4,
         "node_updates_per_second_per_core": 2.04e8, "ratio_to_ufl_form": 17.2, "ratio_to_stock_ufl_form": 23.4,
         "ratio_to_petsc": 24.96, "ratio_to_bandwidth": 0.281, "interface_share": 0.094, "efficiency": None,
+        "ratio_of_single": 1.214,
     }  # fmt: skip
     rows += [step, {"part": "steps", "seconds": 3.0}]
     assert phase_table(rows) == (
@@ -53,7 +54,7 @@ def test_tables_are_of_the_saved_rows() -> None:
         "element": "2D order 4 affine", "nodes": "0.35 M", "ranks": "1", "M updates /s /core": "204",
         "bytes /node": "66",
         "x ufl_form": "17", "x stock ufl": "23", "x PETSc": "25.0", "of bandwidth": "28%", "interface": "9.4%",
-        "speed-up": "",
+        "x double": "1.21", "speed-up": "",
     }  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from helpers.whole_runs import run_on, whole_and_resumed, write
 
 from benchmarks.precision import energy_drift, impact_errors, slow_errors
 from ruptfx.bodies import operators
-from ruptfx.case import parse_case
+from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.platform import fem
 from ruptfx.platform.codegen.native import SINGLE, address
@@ -30,7 +30,7 @@ ROUNDING = float(np.finfo(np.float32).eps)  # 1.2e-7
 LAYERED = {"default": {**HOMALITE, "young_modulus": {"kind": "along_axis", "axis": "y", "profile": {
     "kind": "table", "positions": [-9e-3, 9e-3], "values": [4e9, 6e9],
 }}}}  # fmt: skip
-PUSHED = {"duration": 3e-6, "boundaries": [
+PUSHED: dict[str, Any] = {"duration": 3e-6, "boundaries": [
     {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0},
     {"kind": "absorbing", "edge": "upper.right"},
 ]}  # fmt: skip
@@ -56,14 +56,20 @@ CASES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
+def case_of(table: dict[str, Any], changes: dict[str, Any] | None = None) -> Case:
+    """The case of a table with other values of dotted keys."""
+    case = parse_case(merged(table, changes or {}))
+    assert isinstance(case, Case)
+    return case
+
+
 def both(table: dict[str, Any]) -> tuple[Any, Any]:
     """States after the same steps in both precisions, with the energies of the last step."""
     result = []
-    dt = None
+    step: dict[str, float] = {}
     for name in ("double", "single"):
-        stepper = {} if dt is None else {"stepper.time_step": dt}
-        model, motion, state = march(parse_case(merged(table, {"precision": name, **stepper})))
-        state.wants_energies, dt = True, motion.dt
+        model, motion, state = march(case_of(table, {"precision": name, **step}))
+        state.wants_energies, step = True, {"stepper.time_step": motion.dt}
         motion.step(state)
         assert state.velocity.dtype == model.real and state.displacement.dtype == np.float64
         result.append((state, motion.energies(state)))
@@ -87,7 +93,7 @@ def test_steps_are_those_in_double_precision(name: str) -> None:
 @pytest.mark.parametrize("name", ["quadrilaterals", "order 1", "triangles", "solid"])
 def test_a_long_way_costs_no_digits_of_the_stress(name: str) -> None:
     """Of displacements of 1 m with strains of 1e-6 floats alone would keep no digit."""
-    model = Model(parse_case(CASES[name]), fem.MPI.COMM_SELF)
+    model = Model(case_of(CASES[name]), fem.MPI.COMM_SELF)
     single = operators.create("matrix_free", replace(model.bulk, real=SINGLE))
     c, size = model.components, np.ptp(model.coordinates, axis=0).max()
     strained = 1e-6 * size * np.sin(3 / size * model.coordinates).ravel()
@@ -118,8 +124,8 @@ def test_steps_below_the_rounding_of_the_way_add_up() -> None:
 
 
 def test_a_resumed_run_is_bitwise_identical(tmp_path: Path) -> None:
-    table = merged(impact(6e6, 2.0), {"precision": "single", "output.checkpoint_steps": 40})
-    paths = whole_and_resumed(parse_case(table), tmp_path)
+    case = case_of(impact(6e6, 2.0), {"precision": "single", "output.checkpoint_steps": 40})
+    paths = whole_and_resumed(case, tmp_path)
     whole, resumed = (Record(path).interface for path in paths)
     for name in ("slip", "slip_rate", "shear_traction", "normal_stress"):
         np.testing.assert_array_equal(whole[name].values, resumed[name].values)
@@ -136,7 +142,7 @@ def test_two_ranks_agree_to_rounding(tmp_path: Path) -> None:
 
 
 def test_other_operators_refuse_it() -> None:
-    case = parse_case(plates({"precision": "single", "operator": "ufl_form"}))
+    case = case_of(plates({"precision": "single", "operator": "ufl_form"}))
     with pytest.raises(CaseError, match=facts("precision = 'single': operator = 'ufl_form' computes; 'matrix_free'")):
         Model(case)
 
