@@ -45,7 +45,7 @@ struct plan {
     const lanes *number;           // moduli, those of the nodes where they vary, geometry; axisymmetric: 2 pi r and 1 / r of the nodes, sizes
     const int *line;               // [batches + 1][NODES * FETCH]: cache lines to ask for in advance
     const int *block;              // [blocks + 1]: first batch of every block
-    // Nodes no later element touches: first of LANES in a row, [blocks + 1], and [blocks] how far those with a force of `inelastic` go.
+    // Nodes no later element touches: first of WIDE in a row, [blocks + 1], and [blocks] how far those with a force of `inelastic` go.
     const int *row, *row_start, *row_split;
     const int *single, *single_start, *single_split;  // the others of these nodes
 };
@@ -369,7 +369,7 @@ INLINE void gather_displacement(const double *field, const int *dof, wide *trans
             if (is_first) *without = AXISYMMETRIC && c == 1 ? (wide){0} : of_parts[p][c];
             y[p] = of_parts[p][c] - *without;
         }
-        x[c] = narrow(y);
+        x[c] = narrowed(y);
     }
 #endif
 }
@@ -612,6 +612,8 @@ static void add_damped_force(const struct plan *plan, long first, long last, dou
 
 // -- what Python calls ----------------------------------------------------------------------------------------------
 
+int nodes_per_row(void) { return WIDE; }
+
 INLINE void add_forces(const int is_share, const struct plan *plan, long first, long last, const void *field, void *force)
 {
     for (long b = first; b < last; b++)
@@ -749,52 +751,44 @@ INLINE double advance_node(const int damped, const int kind, const int measured,
     return damped ? 0.25 * square / inverse_mass : 0;
 }
 
-// The same for LANES nodes in a row; adds to the sums, doubles, lane by lane.
+// The same for WIDE nodes in a row; adds to the sums, doubles, lane by lane.
 INLINE void advance_row(const int damped, const int kind, const int measured, const struct motion *motion, long node,
                         wide *sum, wide *lost, wide *power, wide *energy)
 {
-#define EACH_PART UNROLL for (int p = 0; p < PARTS; p++)
-    const lanes inverse_mass = *(const loose *)(motion->inverse_mass + node), push = (lane)motion->dt * inverse_mass;
-    const lanes quarter_mass = damped ? (lane)0.25 / inverse_mass : push;
+    const few inverse_mass = *(const loose_few *)(motion->inverse_mass + node), push = (lane)motion->dt * inverse_mass;
+    const few quarter_mass = damped ? (lane)0.25 / inverse_mass : push;
     const lane decay = motion->decay;
     UNROLL for (int k = 0; k < COMPONENTS; k++) {
-        whole_lanes pick;
-        UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
-        const long i = node * COMPONENTS + k * LANES;
-        loose *const velocity = (loose *)(motion->velocity + i), *const at = (loose *)(motion->force + i);
-        const lanes old = *velocity, pushed = __builtin_shuffle(push, pick);
-        lanes force = *at;
-        wide share[PARTS];
-        EACH_PART {
-            share[p] = (wide){0};
-            if (kind) {
-                loose_wide *const given = (loose_wide *)(motion->share + i + p * WIDE);
-                share[p] = *given;
-                *given = (wide){0};
-            }
+        whole_few pick;
+        UNROLL for (int l = 0; l < WIDE; l++) pick[l] = (k * WIDE + l) / COMPONENTS;
+        const long i = node * COMPONENTS + k * WIDE;
+        loose_few *const velocity = (loose_few *)(motion->velocity + i), *const at = (loose_few *)(motion->force + i);
+        const few old = *velocity, pushed = __builtin_shuffle(push, pick);
+        few force = *at;
+        wide share = {0};
+        if (kind) {
+            loose_wide *const given = (loose_wide *)(motion->share + i);
+            share = *given;
+            *given = (wide){0};
         }
         if (kind == INELASTIC) force += narrow(share);
-        lanes v;
+        few v;
         if (damped) {
-            const lanes added = pushed * force;
-            UNROLL for (int l = 0; l < LANES; l++) v[l] = FUSED(decay, old[l], added[l]);
+            const few added = pushed * force;
+            UNROLL for (int l = 0; l < WIDE; l++) v[l] = FUSED(decay, old[l], added[l]);
         } else
-            UNROLL for (int l = 0; l < LANES; l++) v[l] = FUSED(pushed[l], force[l], old[l]);
-        const lanes squares = damped ? __builtin_shuffle(quarter_mass, pick) * (old + v) * (old + v) : v;
-        const lanes kinetic = measured ? v * v / __builtin_shuffle(inverse_mass, pick) : v;
+            UNROLL for (int l = 0; l < WIDE; l++) v[l] = FUSED(pushed[l], force[l], old[l]);
+        if (damped) *sum += widen(__builtin_shuffle(quarter_mass, pick) * (old + v) * (old + v));
         *velocity = v;
-        EACH_PART {
-            loose_wide *const displacement = (loose_wide *)(motion->displacement + i + p * WIDE);
-            *displacement += motion->dt * widen(v, p);
-            if (damped) *sum += widen(squares, p);
-            if (kind == VISCOUS) *lost -= 0.5 * share[p] * widen(old + v, p);
-            if (kind == INELASTIC) power[0] += share[p] * widen(old, p), power[1] += share[p] * widen(v, p);
-            if (measured) {
-                energy[0] += widen(kinetic, p);
-                energy[1] += *displacement * (widen(force, p) - share[p]);
-            }
+        loose_wide *const displacement = (loose_wide *)(motion->displacement + i);
+        *displacement += motion->dt * widen(v);
+        if (kind == VISCOUS) *lost -= 0.5 * share * widen(old + v);
+        if (kind == INELASTIC) power[0] += share * widen(old), power[1] += share * widen(v);
+        if (measured) {
+            energy[0] += widen(v * v / __builtin_shuffle(inverse_mass, pick));
+            energy[1] += *displacement * (widen(force) - share);
         }
-        *at = (lanes){0};
+        *at = (few){0};
     }
 }
 
@@ -815,7 +809,7 @@ INLINE double advance_block(const int damped, const int kind, const int measured
     for (long r = FIRST(row); r < end; r++) {
         // Rows are too short for the processor to prefetch by itself what the elements have not touched.
         const long ahead = plan->row[r + ROWS_AHEAD < end ? r + ROWS_AHEAD : end - 1];
-        UNROLL for (int k = 0; k < COMPONENTS; k++) __builtin_prefetch(motion->velocity + ahead * COMPONENTS + LANES * k, 1);
+        UNROLL for (int k = 0; k < COMPONENTS; k++) __builtin_prefetch(motion->velocity + ahead * COMPONENTS + 8 * k, 1);
         __builtin_prefetch(motion->inverse_mass + ahead, 0);
         advance_row(damped, kind, measured, motion, plan->row[r], &row_sum, &row_lost, row_power, row_energy);
     }

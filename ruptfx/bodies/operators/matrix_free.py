@@ -183,9 +183,10 @@ class MatrixFree:
             done_in[node[first[block] : first[block + 1]].ravel()] = block
         done_in[by_caller | self._shared] = -1
         nodes = np.argsort(done_in, kind="stable")[np.count_nonzero(done_in < 0) :].astype(np.int32)
-        in_row = _rows(nodes, done_in[nodes], node.shape[2])
+        per_row = self._library.nodes_per_row()
+        in_row = _rows(nodes, done_in[nodes], per_row)
         touched = nodes_of_sweeps(self._space, sweeps)
-        for name, which, count in (("row", in_row == 0, node.shape[2]), ("single", in_row < 0, 1)):
+        for name, which, count in (("row", in_row == 0, per_row), ("single", in_row < 0, 1)):
             chosen = nodes[which]
             without = ~touched[chosen[:, None] + np.arange(count)].any(axis=1)
             order = np.lexsort((without, done_in[chosen]))  # in a block those with an inserted force first
@@ -446,15 +447,15 @@ def _fetch(space: fem.dolfinx.fem.FunctionSpace) -> int:
     return -(-space.dofmap.index_map_bs * order**dim // (order + 1) ** dim)
 
 
-def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
-    """Return the position (0 to lanes - 1) of a node in a full row of consecutive nodes of one block; -1 outside."""
+def _rows(nodes: np.ndarray, block: np.ndarray, per_row: int) -> np.ndarray:
+    """Return the position (0 to per_row - 1) of a node in a full row of consecutive nodes of one block; -1 outside."""
     if len(nodes) == 0:
         return np.zeros(0, dtype=np.int64)
     new_run = np.r_[True, (np.diff(nodes) != 1) | (np.diff(block) != 0)]
     start = np.flatnonzero(new_run)
     length = np.diff(np.r_[start, len(nodes)])
     place = np.arange(len(nodes)) - np.repeat(start, length)
-    return np.where(place < np.repeat(length // lanes * lanes, length), place % lanes, -1)
+    return np.where(place < np.repeat(length // per_row * per_row, length), place % per_row, -1)
 
 
 def _reference_cell(bulk: Bulk) -> tuple[np.ndarray, str]:

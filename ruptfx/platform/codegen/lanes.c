@@ -39,6 +39,10 @@ typedef REAL real;
 typedef lane lanes __attribute__((vector_size(VECTOR)));
 typedef whole whole_lanes __attribute__((vector_size(VECTOR)));
 typedef lane loose __attribute__((vector_size(VECTOR), aligned(LANE)));
+// As many numbers of the type of `lanes` as there are doubles in a vector.
+typedef lane few __attribute__((vector_size(LANE * WIDE)));
+typedef lane loose_few __attribute__((vector_size(LANE * WIDE), aligned(LANE)));
+typedef whole whole_few __attribute__((vector_size(LANE * WIDE)));
 typedef double wide __attribute__((vector_size(VECTOR)));
 typedef double loose_wide __attribute__((vector_size(VECTOR), aligned(8)));
 typedef double wide_couple __attribute__((vector_size(16), aligned(8)));
@@ -68,7 +72,6 @@ INLINE void gather_wide_couples(const double *field, const int *dof, wide x[2])
 
 #if LANE == 4
 typedef float couple __attribute__((vector_size(8), aligned(4)));
-typedef float half __attribute__((vector_size(VECTOR / 2)));
 typedef double two_floats __attribute__((aligned(4), may_alias));  // as one number, which is faster to load
 #if WIDE == 8
 #define FIRST 0, 1, 2, 3, 4, 5, 6, 7
@@ -85,17 +88,9 @@ typedef double two_floats __attribute__((aligned(4), may_alias));  // as one num
 #define MIXED(n) n, 8 + n, n + 1, 9 + n, n + 2, 10 + n, n + 3, 11 + n
 #endif
 
-// Half of the lanes as doubles, and the lanes of two halves.
-INLINE wide widen(const lanes x, const int part)
-{
-    const half first = __builtin_shufflevector(x, x, FIRST), second = __builtin_shufflevector(x, x, SECOND);
-    return __builtin_convertvector(part ? second : first, wide);
-}
-INLINE lanes narrow(const wide x[PARTS])
-{
-    const half first = __builtin_convertvector(x[0], half), second = __builtin_convertvector(x[1], half);
-    return __builtin_shufflevector(first, second, FIRST, SECOND);
-}
+INLINE wide widen(const few x) { return __builtin_convertvector(x, wide); }
+INLINE few narrow(const wide x) { return __builtin_convertvector(x, few); }
+INLINE lanes narrowed(const wide x[PARTS]) { return __builtin_shufflevector(narrow(x[0]), narrow(x[1]), FIRST, SECOND); }
 
 INLINE void gather_couples(const float *field, const int *dof, lanes x[2])
 {
@@ -115,8 +110,8 @@ INLINE void gather_couples(const float *field, const int *dof, lanes x[2])
 #else
 typedef wide_couple couple;
 
-INLINE wide widen(const lanes x, const int part) { return (void)part, x; }
-INLINE lanes narrow(const wide x[PARTS]) { return x[0]; }
+INLINE wide widen(const few x) { return x; }
+INLINE few narrow(const wide x) { return x; }
 
 #define gather_couples gather_wide_couples
 
