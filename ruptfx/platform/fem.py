@@ -13,7 +13,7 @@ import hashlib
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
@@ -328,6 +328,53 @@ def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] |
         mapped = mapped.create(numbers, made.getBlockSize(), made.comm)
         made.setLGMap(mapped, mapped)
     dolfinx.fem.petsc.assemble_matrix(made, form)
+    made.assemble()
+    return made
+
+
+def nodal_matrix(
+    space: dolfinx.fem.FunctionSpace, groups: Sequence[np.ndarray], tied: tuple[np.ndarray, np.ndarray] | None = None
+) -> PETSc.Mat:
+    """Return an AIJ matrix of zeros with room for its diagonal and for blocks of coupled nodes; collective.
+
+    Parameters
+    ----------
+    space : FunctionSpace
+    groups : sequence of ndarray of int, shape (n, k)
+        Local nodes that are coupled, k at a time; every group on at least one rank.
+    tied : (ndarray, ndarray) of int, optional
+        As for `matrix`.
+    """
+    index_map, size = space.dofmap.index_map, space.dofmap.index_map_bs
+    count = index_map.size_local + index_map.num_ghosts
+    numbers = index_map.local_to_global(np.arange(count, dtype=np.int32)).astype(PETSc.IntType)
+    diagonal = (numbers[: index_map.size_local, None] * size + np.arange(size)).ravel()
+    if tied is not None:
+        numbers[tied[1]] = numbers[tied[0]]
+    rows, columns = [diagonal], [diagonal]
+    for group in groups:
+        dofs = (numbers[group][..., None] * size + np.arange(size)).reshape(len(group), -1).astype(PETSc.IntType)
+        pairs = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+        rows.append(pairs[0].ravel())
+        columns.append(pairs[1].ravel())
+    made: Any = PETSc.Mat()
+    made.create(space.mesh.comm)
+    made.setSizes([[index_map.size_local * size, index_map.size_global * size]] * 2, bsize=size)
+    made.setType("aij")
+    places = (np.concatenate(each).astype(PETSc.IntType) for each in (rows, columns))
+    made.setPreallocationCOO(*places)
+    made.setValuesCOO(np.zeros(sum(map(len, rows))), addv=PETSc.InsertMode.ADD_VALUES)
+    mapped: Any = PETSc.LGMap()
+    mapped.create(numbers, size, space.mesh.comm)
+    made.setLGMap(mapped, mapped)
+    return made
+
+
+def interpolation(coarse: dolfinx.fem.FunctionSpace, fine: dolfinx.fem.FunctionSpace) -> PETSc.Mat:
+    """Return the interpolation from one space to another of the same mesh as an AIJ matrix; collective."""
+    never_freed = dolfinx.fem.petsc.interpolation_matrix(coarse, fine)  # DOLFINx counts a reference too many
+    made: Any = copy.copy(never_freed)
+    never_freed.destroy()
     made.assemble()
     return made
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ruptfx.bodies.space.variation import Variation
     from ruptfx.platform import fem
 
-SHARED = ("geometry", "memory_sweep")
+SHARED = ("diagonal", "geometry", "memory_sweep")
 """Files of this folder that are no kinds."""
 
 

@@ -10,9 +10,16 @@ from ruptfx.bodies.operators.ufl_form import energy, measure
 from ruptfx.platform import fem
 
 
-def stiffness_form(bulk: Bulk) -> fem.dolfinx.fem.Form:
-    """Return the compiled second derivative of the strain energy: K of linear materials."""
-    return fem.form(_second_derivative(bulk))
+def stiffness_form(bulk: Bulk, degree: int | None = None) -> fem.dolfinx.fem.Form:
+    """Return the compiled second derivative of the strain energy: K of linear materials.
+
+    Parameters
+    ----------
+    bulk : Bulk
+    degree : int, optional
+        Degree of the polynomials that are integrated exactly; default: the quadrature of the element.
+    """
+    return fem.form(_second_derivative(bulk, degree=degree))
 
 
 def is_linear(bulk: Bulk) -> bool:
@@ -22,11 +29,13 @@ def is_linear(bulk: Bulk) -> bool:
     return displacement not in expanded.coefficients()  # those that remain are parameters of materials
 
 
-def _second_derivative(bulk: Bulk, displacement: fem.dolfinx.fem.Function | None = None) -> fem.ufl.Form:
+def _second_derivative(
+    bulk: Bulk, displacement: fem.dolfinx.fem.Function | None = None, degree: int | None = None
+) -> fem.ufl.Form:
     if displacement is None:
         displacement = fem.dolfinx.fem.Function(bulk.space)
     u, v = fem.ufl.TrialFunction(bulk.space), fem.ufl.TestFunction(bulk.space)
-    stored = energy(bulk, displacement, measure(bulk))
+    stored = energy(bulk, displacement, measure(bulk, degree))
     return fem.ufl.derivative(fem.ufl.derivative(stored, displacement, v), displacement, u)
 
 

@@ -58,13 +58,12 @@ def material_tags(bulk: Bulk) -> fem.dolfinx.mesh.MeshTags:
     return fem.dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, bulk.cell_material[cells])
 
 
-def measure(bulk: Bulk) -> fem.ufl.Measure:
-    """Return the cell measure by material, with the quadrature of the element."""
+def measure(bulk: Bulk, degree: int | None = None) -> fem.ufl.Measure:
+    """Return the cell measure by material, with the quadrature of the element or one of a given degree."""
     mesh = bulk.space.mesh
     order = bulk.space.element.basix_element.degree
-    return fem.ufl.Measure(
-        "dx", domain=mesh, subdomain_data=material_tags(bulk), metadata=fem.gll_metadata(mesh, order)
-    )
+    rule = fem.gll_metadata(mesh, order) if degree is None else {"quadrature_degree": degree}
+    return fem.ufl.Measure("dx", domain=mesh, subdomain_data=material_tags(bulk), metadata=rule)
 
 
 def energy_density(bulk: Bulk, index: int, strain: fem.Expr) -> fem.Expr:

@@ -256,6 +256,10 @@ class System(Discretisation):
         """Return the inverse mass of all degrees of freedom [1/kg], with sums of tied ones; zero if prescribed."""
 
     @abstractmethod
+    def initial_state(self) -> State:
+        """Return the state at the start."""
+
+    @abstractmethod
     def initial_velocity(self) -> np.ndarray:
         """Return the velocity of all local degrees of freedom at the start [m/s]."""
 

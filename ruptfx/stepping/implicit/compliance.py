@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from ruptfx.platform import fem, parallel
-from ruptfx.stepping.implicit.solvers import has_mumps
+from ruptfx.stepping.implicit.preconditioners.lu import has_mumps
 from ruptfx.stepping.implicit.tangent import Tangent
 
 if TYPE_CHECKING:

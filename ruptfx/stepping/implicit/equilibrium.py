@@ -45,7 +45,7 @@ from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.mechanisms import responding
 from ruptfx.interfaces.sliding.follower import StepFollower
 from ruptfx.platform import parallel
-from ruptfx.stepping.implicit import ConvergenceError, interface_steps
+from ruptfx.stepping.implicit import ConvergenceError, interface_steps, preconditioners
 from ruptfx.stepping.implicit.compliance import norm
 from ruptfx.stepping.implicit.condensed import Condensed, fits, require_fit
 from ruptfx.stepping.implicit.forces import Forces
@@ -54,7 +54,6 @@ from ruptfx.stepping.implicit.response import FaultResponse
 from ruptfx.stepping.implicit.solution import Rates, Solution
 from ruptfx.stepping.implicit.solvers import NewtonSolver
 from ruptfx.stepping.implicit.step import MAX_OUTER, Step, Terms
-from ruptfx.stepping.implicit.tangent import Tangent
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
@@ -102,7 +101,8 @@ class Equilibrium(Terms):
         self._owned = model.owned_nodes * model.components
         self.driven = model.loads.prescribed
         self.forces = Forces(model)
-        self.tangent = Tangent(model, self.forces.dashpot)
+        self.preconditioner = preconditioners.choose(model, petsc_options or {})
+        self.tangent = self.preconditioner.make_tangent(model, self.forces.dashpot)
         self.mechanisms = responding(model.mechanisms)
         self._followers = [StepFollower(model, fault) for fault in model.faults if fault.slides]
         if self._followers:
@@ -114,7 +114,9 @@ class Equilibrium(Terms):
             require_fit(model)
         full_system = bool(petsc_options) or not condensed or not fits(model)
         self._solver: Condensed | NewtonSolver = (
-            NewtonSolver(model, self.tangent, petsc_options or {}) if full_system else Condensed(model, self.tangent)
+            NewtonSolver(model, self.tangent, self.preconditioner, petsc_options or {})
+            if full_system
+            else Condensed(model, self.tangent)
         )
         self.interface_steps: interface_steps.InterfaceSteps | None = None
         if isinstance(self._solver, Condensed) and interface_steps.fits(model):
@@ -255,7 +257,7 @@ class Equilibrium(Terms):
     @cached_property
     def _fallback(self) -> NewtonSolver:
         """Solver of the whole bodies, for steps in which the iteration at the interfaces fails."""
-        return NewtonSolver(self.model, self.tangent, {})
+        return NewtonSolver(self.model, self.tangent, self.preconditioner, {})
 
     def answer(self, state: State, dt: float, u: np.ndarray) -> Solution:
         """Return the response of bodies and faults after `dt` to any displacement, balanced or not; collective.

@@ -1,8 +1,7 @@
 """PETSc's nonlinear and linear solvers with defaults that need no options, and options of the case.
 
-Small systems are factorised: by MUMPS, or by PETSc's own LU on one rank where MUMPS is missing. Large ones are solved
-by CG, or by GMRES while the matrix is unsymmetric, with algebraic multigrid (GAMG) and rigid motions as near null
-space.
+Small systems are factorised. Large ones are solved by CG, or by GMRES while the matrix is unsymmetric, with multigrid
+(`preconditioners`).
 """
 
 from __future__ import annotations
@@ -16,16 +15,17 @@ import numpy as np
 from ruptfx.input.schema import CaseError
 from ruptfx.platform import fem, parallel
 from ruptfx.stepping.implicit.options import PetscOptions
+from ruptfx.stepping.implicit.preconditioners import Preconditioner
+from ruptfx.stepping.implicit.preconditioners.lu import Lu
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
     from ruptfx.stepping.implicit.step import Step
     from ruptfx.stepping.implicit.tangent import Tangent
 
-# Number of unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
-DIRECT = {2: 400_000, 3: 60_000}
 TOLERANCE = 1e-10
 MAX_NEWTON = 30
+MORE_FILL: PetscOptions = {"mat_mumps_icntl_14": 50}  # room of MUMPS for fill that grows with pivoting [%]
 
 _numbers = count()
 
@@ -70,6 +70,8 @@ class NewtonSolver:
     model : System
     tangent : Tangent
         Makes the matrix.
+    preconditioner : type of Preconditioner
+        That of the matrix.
     options : dict
         PETSc options of the case.
 
@@ -84,8 +86,10 @@ class NewtonSolver:
     outer = 1
     """A solve is one iteration of the multipliers."""
 
-    def __init__(self, model: System, tangent: Tangent, options: PetscOptions) -> None:
-        self._options = CaseOptions(options, {"mat_mumps_icntl_14": 50})  # room for fill that grows with pivoting
+    def __init__(
+        self, model: System, tangent: Tangent, preconditioner: type[Preconditioner], options: PetscOptions
+    ) -> None:
+        self._options = CaseOptions(options, MORE_FILL | preconditioner.defaults)
         self._model, self._tangent = model, tangent
         self._step: Step
         self._owned, self._ghosted = model.owned_nodes * model.components, fem.dolfinx.fem.Function(model.space)
@@ -102,7 +106,8 @@ class NewtonSolver:
         self.snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=0.0, max_it=MAX_NEWTON)
         self.snes.setConvergenceTest(fem.callback(self._converged))
         self._ksp = self.snes.getKSP()
-        self._multigrid = not choose(self._ksp, model, matrix)
+        preconditioner.set_up(self._ksp, model, tangent)
+        self._preconditioner = preconditioner
         self._ready = False
 
     def solve(self, step: Step, u: np.ndarray) -> bool:
@@ -155,9 +160,8 @@ class NewtonSolver:
         self._visit(step, x.array_r)
         reactions = [reaction for _, _, reaction in step.reactions]
         symmetric = self._tangent.update(*step.key[:2], step.tangents, driven=self._tangent.unit, reactions=reactions)
-        # CG or GMRES, unless the case says otherwise or the matrix is factorised.
-        if symmetric is not None and self._multigrid and "ksp_type" not in self._options.given:
-            self._ksp.setType("cg" if symmetric else "gmres")
+        rtol, atol, _, _ = self.snes.getTolerances()
+        self._preconditioner.follow(self._ksp, symmetric, self._options.given, max(step.enough(rtol), atol))
 
     def _converged(self, snes: fem.PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
         """Test the norm of the residual against that of the forces, as balancing forces may be zero at the start."""
@@ -177,51 +181,10 @@ class NewtonSolver:
         return f"{text} ({_name(fem.PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
 
 
-def has_mumps() -> bool:
-    """Return whether PETSc was built with MUMPS."""
-    return bool(fem.PETSc.Sys.hasExternalPackage("mumps"))
-
-
 def is_factorised(model: System) -> bool:
     """Return whether the default for the matrices of a model is a factorisation."""
-    unknowns = model.total_nodes * model.components
-    return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
-
-
-def choose(ksp: fem.PETSc.KSP, model: System, matrix: fem.PETSc.Mat) -> bool:
-    """Set the defaults for a matrix; return whether they are a factorisation."""
-    pc = ksp.getPC()
-    if is_factorised(model):
-        ksp.setType("preonly")
-        pc.setType("lu")
-        if has_mumps():
-            pc.setFactorSolverType("mumps")
-        return True
-    ksp.setType("cg")
-    ksp.setTolerances(rtol=1e-7, max_it=2000)
-    pc.setType("gamg")
-    matrix.setNearNullSpace(rigid_motions(model, matrix))
-    return False
+    return Lu.suits(model)
 
 
 def _name(reasons: object, code: int) -> str:
     return next((name for name, value in vars(reasons).items() if value == code and name.isupper()), str(code))
-
-
-def rigid_motions(model: System, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
-    """Return translations and rotations of the owned unknowns, as the near null space of a stiffness."""
-    x, c = model.coordinates[: model.owned_nodes], model.components
-    modes = [np.tile(np.eye(c)[k], (len(x), 1)) for k in range(c)]
-    for i, j in {2: [(0, 1)], 3: [(0, 1), (1, 2), (2, 0)]}.get(c, []):
-        turn = np.zeros((len(x), c))
-        turn[:, i], turn[:, j] = -x[:, j], x[:, i]
-        modes.append(turn)
-    vectors: list[fem.PETSc.Vec] = []
-    for mode in modes:
-        vector = matrix.createVecRight()
-        vector.array[:] = mode.ravel()
-        for other in vectors:  # orthonormal, as PETSc wants them
-            vector.axpy(-vector.dot(other), other)
-        vector.normalize()
-        vectors.append(vector)
-    return fem.PETSc.NullSpace().create(vectors=vectors, comm=model.comm)

@@ -34,6 +34,9 @@ class Tangent:
     Attributes
     ----------
     matrix : PETSc.Mat
+        The operator, by default the assembled matrix.
+    filled : PETSc.Mat
+        The assembled matrix, or the part of it that is assembled.
     diagonal : ndarray, shape (nodes * components,)
         Diagonal of K with the elastic supports [N/m], also at ghosts; tied nodes have the sum.
     unit : float
@@ -46,10 +49,11 @@ class Tangent:
         self._stiffness = self._assemble(model.bulk)
         _add_supports(self._stiffness, model)
         self._viscous = self._assemble(model.viscosity.bulk) if model.viscosity is not None else None
-        self.matrix = self._stiffness.duplicate()
-        self.matrix.setOption(fem.PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self.filled = self._stiffness.duplicate()
+        self.filled.setOption(fem.PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self.matrix = self.filled
         ghosted = fem.dolfinx.fem.Function(model.space)
-        ghosted.x.array[: self._owned] = self._stiffness.getDiagonal().array
+        ghosted.x.array[: self._owned] = self._stiffness.getDiagonal().array + self._diagonal_of_elements()
         ghosted.x.scatter_forward()
         self.diagonal = ghosted.x.array.copy()
         total = parallel.total(model.comm, self.diagonal[: self._owned].sum())
@@ -62,6 +66,10 @@ class Tangent:
         rows = model.space.dofmap.index_map.local_to_global((own_entries // c).astype(np.int32)) * c + own_entries % c
         self._given_rows = rows.astype(fem.PETSc.IntType)
         self._built: tuple[tuple[float, float], dict[str, np.ndarray], list[np.ndarray]] | None = None
+
+    def _diagonal_of_elements(self) -> np.ndarray | float:
+        """Return the diagonal of elements that are not in the assembled matrix, at owned degrees of freedom [N/m]."""
+        return 0.0
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
         """Return K of some elements as a matrix with room for the tangents of the interfaces."""
@@ -90,7 +98,7 @@ class Tangent:
         reactions : sequence of Reaction
             Forces of mechanisms, with their stiffness.
         """
-        model, matrix = self._model, self.matrix
+        model, matrix = self._model, self.filled
         between = [reaction.between() for reaction in reactions]
         elements = [each for reaction in reactions for each in reaction.elements()]
         added = [*(reaction.stiffness for reaction in reactions), *between, *(each.moduli for each in elements)]
@@ -106,7 +114,7 @@ class Tangent:
             return None
         self._built = ((c_M, c_C), blocks, added)
         self._stiffness.copy(matrix, fem.PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        if model.viscosity is not None and c_C:
+        if model.viscosity is not None and self._viscous is not None and c_C:
             matrix.axpy(model.viscosity.eta * c_C, self._viscous, fem.PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         diagonal = matrix.createVecLeft()
         diagonal.array[:] = model.layout.reduce_tied(c_M * model.mass + c_C * self._dashpot)[: self._owned]

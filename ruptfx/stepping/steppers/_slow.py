@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.stepping.implicit.equilibrium import Equilibrium
+from ruptfx.stepping.implicit.free_motions import refuse_free_bodies
 from ruptfx.stepping.implicit.options import PetscOptions
 from ruptfx.stepping.steppers._adaptive import AdaptiveMotion, Result
 from ruptfx.stepping.steppers._radiation import radiation_impedance
@@ -29,6 +30,8 @@ class SlowMotion(AdaptiveMotion[Result]):
 
     def __init__(self, model: System, radiates: bool, petsc_options: PetscOptions | None = None) -> None:
         self.model = model
+        if model.section is None:
+            refuse_free_bodies(model)
         self.radiation = {
             f.name: radiation_impedance(model, f) if radiates else np.zeros(len(f.interface.plus)) for f in model.faults
         }

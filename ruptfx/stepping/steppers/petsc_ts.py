@@ -18,7 +18,7 @@ from ruptfx.platform import fem, parallel
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.equilibrium import Equilibrium
 from ruptfx.stepping.implicit.options import PetscOptions
-from ruptfx.stepping.implicit.solvers import TOLERANCE, CaseOptions, choose
+from ruptfx.stepping.implicit.solvers import MORE_FILL, TOLERANCE, CaseOptions
 from ruptfx.stepping.implicit.step import FAR
 from ruptfx.stepping.steppers import Stepper
 
@@ -84,7 +84,7 @@ class PetscTsMotion:
 
     def __init__(self, model: System, stepper: PetscTs, dt: float) -> None:
         self.model, self.dt, self._scheme = model, dt, stepper.scheme
-        self._equilibrium = Equilibrium(model)
+        self._equilibrium = Equilibrium(model, stepper.petsc_options)
         self._owned = model.owned_nodes * model.components
         self._ghosted = fem.dolfinx.fem.Function(model.space)
         self._driven = model.loads.prescribed
@@ -94,8 +94,8 @@ class PetscTsMotion:
         self._ready = False
         # The residual grows in the first Newton step where sliding begins, and a line search would not allow that.
         defaults: PetscOptions = {
-            "ts_adapt_type": "none", "ts_basicsymplectic_type": "2", "mat_mumps_icntl_14": 50,
-            "snes_linesearch_type": "basic",
+            "ts_adapt_type": "none", "ts_basicsymplectic_type": "2", "snes_linesearch_type": "basic",
+            **MORE_FILL, **self._equilibrium.preconditioner.defaults,
         }  # fmt: skip
         self._adapts = stepper.petsc_options.get("ts_adapt_type", "none") != "none"
         self._rejected = 0  # steps so far
@@ -126,7 +126,7 @@ class PetscTsMotion:
         snes = self._ts.getSNES()
         snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=1e-14, max_it=30)
         snes.setConvergenceTest(fem.callback(self._converged))
-        choose(snes.getKSP(), self.model, matrix)
+        self._equilibrium.preconditioner.set_up(snes.getKSP(), self.model, self._equilibrium.tangent)
 
     def _mean_mass(self) -> float:
         total = parallel.total(self.model.comm, self.model.mass[: self._owned].sum())
@@ -199,7 +199,11 @@ class PetscTsMotion:
         if solution is None:
             return  # the residual is not a number either, and SNES gives up
         reactions = [reaction for _, _, reaction in solution.reactions]
-        self._equilibrium.tangent.update(c_M, c_C, solution.tangents, driven=c_M * self._unit, reactions=reactions)
+        symmetric = self._equilibrium.tangent.update(
+            c_M, c_C, solution.tangents, driven=c_M * self._unit, reactions=reactions
+        )
+        ksp = self._ts.getSNES().getKSP()
+        self._equilibrium.preconditioner.follow(ksp, symmetric, self._options.given, TOLERANCE * self._scale)
 
     def _converged(self, snes: fem.PETSc.SNES, _: int, norms: tuple[float, float, float]) -> int | None:
         """Test the residual against the forces, which balance before anything moves, and the update."""

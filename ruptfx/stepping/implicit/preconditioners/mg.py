@@ -1,0 +1,152 @@
+"""Multigrid over polynomial orders, without a matrix of the bodies (PETSc's PCMG).
+
+The levels are elements of order p, p/2, ..., 1 on the same mesh. Stiffness is applied by the bulk operator; what
+interfaces, supports, inertia and dashpots add is a sparse matrix on the finest level, and its Galerkin product on the
+others. Order 1 is assembled: factorised where it is small, else a cycle of GAMG with rigid motions as near null space.
+Chebyshev polynomials smooth, with blocks of the nodes on both sides of an interface, so that a stiff contact does not
+slow the iteration.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ruptfx.bodies.operators.assembled import is_linear
+from ruptfx.bodies.operators.diagonal import has_diagonal
+from ruptfx.bodies.operators.geometry import jacobian_at
+from ruptfx.interfaces.mechanisms import responding
+from ruptfx.platform import fem, parallel
+from ruptfx.stepping.implicit.options import PetscOptions
+from ruptfx.stepping.implicit.preconditioners import Preconditioner
+from ruptfx.stepping.implicit.preconditioners._levels import Level, make_levels
+from ruptfx.stepping.implicit.preconditioners.gamg import rigid_motions
+from ruptfx.stepping.implicit.preconditioners.lu import DIRECT, has_mumps
+from ruptfx.stepping.implicit.tangent import Tangent
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ruptfx.bodies import operators
+    from ruptfx.interfaces.mechanisms import Reaction
+    from ruptfx.interfaces.mechanisms.system import System
+
+CYCLES = 3  # of GAMG in a solution of order 1 that is not factorised
+LEAST, MOST = 5, 12  # products with the matrix before and after every correction by a coarser level
+
+
+class MatrixFreeTangent(Tangent):
+    """Matrix of a step as an operator: K is applied, and what is added to it is assembled.
+
+    Attributes
+    ----------
+    levels : list of Level
+        From the finest on, without that of order 1.
+    coarse : CoarseLevel
+    """
+
+    def __init__(self, model: System, dashpot: np.ndarray) -> None:
+        self.levels, self.coarse = make_levels(model)
+        super().__init__(model, dashpot)
+        self.matrix, added = self.levels[0].matrix, self.filled
+        for level in self.levels:
+            level.added = added
+            added = level.added_to_next()
+        self.coarse.make_room(added)
+
+    def _assemble(self, bulk: operators.Bulk) -> Any:
+        """Return zeros with room for what is added to K."""
+        model, layout = self._model, self._model.layout
+        if bulk is not model.bulk:
+            return None  # damping is applied, too
+        tied = (layout.kept, layout.copies) if layout.bodies.ties else None
+        return fem.nodal_matrix(model.space, self.levels[0].groups, tied)
+
+    def _diagonal_of_elements(self) -> np.ndarray:
+        return self.levels[0].diagonal
+
+    def update(
+        self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, springs: np.ndarray | None = None,
+        reactions: Sequence[Reaction] = (),
+    ) -> bool | None:  # fmt: skip
+        symmetric = super().update(c_M, c_C, blocks, driven, springs, reactions)
+        if symmetric is not None:
+            viscosity = self._model.viscosity
+            damped = 0.0 if viscosity is None else viscosity.eta * c_C
+            for level in self.levels:
+                level.renew(damped, driven)
+                added = level.added_to_next()
+            self.coarse.renew(added, damped, driven)
+        return symmetric
+
+
+class Mg(Preconditioner):
+    """Levels of elements of lower order, for large bodies of quadrilaterals and hexahedra of order 2 and more."""
+
+    order = 1
+    unsymmetric: ClassVar[str] = "fgmres"
+    defaults: ClassVar[PetscOptions] = {
+        "mg_levels_ksp_chebyshev_kind": "opt_fourth", "mg_levels_esteig_ksp_max_it": 10,
+    }  # fmt: skip
+
+    @classmethod
+    def reason_against(cls, model: System) -> str:
+        if model.order == 1 or not has_diagonal(model.bulk):
+            return "levels of lower order need quadrilaterals or hexahedra of order 2 at least, and no axis"
+        if responding(model.mechanisms) or any(fault.slides for fault in model.faults):
+            return "levels of lower order know neither attachments nor sliding contact nor materials with memory"
+        return "" if is_linear(model.bulk) else "levels of lower order need materials whose stiffness is constant"
+
+    @classmethod
+    def make_tangent(cls, model: System, dashpot: np.ndarray) -> MatrixFreeTangent:
+        return MatrixFreeTangent(model, dashpot)
+
+    @classmethod
+    def set_up(cls, ksp: fem.PETSc.KSP, model: System, tangent: Tangent) -> None:
+        assert isinstance(tangent, MatrixFreeTangent)
+        levels, coarse = [tangent.coarse, *tangent.levels[::-1]], tangent.coarse
+        ksp.setType("cg")
+        ksp.setTolerances(rtol=1e-7, max_it=200)
+        norms: Any = fem.PETSc.KSP.NormType
+        ksp.setNormType(norms.UNPRECONDITIONED)
+        products = int(np.clip(np.round(2.5 * _mean_aspect_ratio(model)), LEAST, MOST))
+        pc: Any = ksp.getPC()
+        pc.setType("mg")
+        pc.setMGLevels(len(levels))
+        for number, level in enumerate(levels[1:], 1):
+            assert isinstance(level, Level)
+            pc.setMGInterpolation(number, level.interpolation)
+            smoother = pc.getMGSmoother(number)
+            smoother.setType("chebyshev")
+            smoother.setTolerances(max_it=products)
+            smoother.setOperators(level.matrix, level.matrix)
+            level.precondition(smoother.getPC())
+        solver = pc.getMGCoarseSolve()
+        solver.setOperators(coarse.matrix, coarse.matrix)
+        solver.setType("preonly")
+        unknowns = coarse.layout.total * model.components
+        if unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1):
+            solver.getPC().setType("lu")
+            if has_mumps():
+                solver.getPC().setFactorSolverType("mumps")
+        else:
+            solver.setType("richardson")
+            solver.setTolerances(max_it=CYCLES, rtol=0.0)
+            solver.setNormType(norms.NONE)
+            solver.getPC().setType("gamg")
+            coarse.matrix.setNearNullSpace(
+                rigid_motions(coarse.layout.coordinates[: coarse.layout.owned], coarse.matrix)
+            )
+
+
+def _mean_aspect_ratio(model: System) -> float:
+    """Return the mean ratio of the longest and the shortest edge direction of the elements; collective."""
+    mesh = model.mesh
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    middle = np.full((1, mesh.topology.dim), 0.5)
+    sizes = [np.linalg.norm(jacobian_at(mesh, cells, middle)[:, 0], axis=-1)
+             for cells in np.array_split(np.arange(owned), 1 + owned // 10_000)]  # fmt: skip
+    ratios = [float((size.max(axis=1) / size.min(axis=1)).sum()) for size in sizes if len(size)]
+    total, count = parallel.total(model.comm, [sum(ratios), owned])
+    return float(total / count)
