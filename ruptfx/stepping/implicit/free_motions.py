@@ -156,9 +156,9 @@ class RigidMotions:
         for axis, row in zip(axes, span, strict=False):
             if np.linalg.norm(row) > 1 - ALIGNED:
                 names.append(axis)
-        taken = np.array([axes.index(name) for name in names], dtype=int)
+        axial = np.array([axes.index(name) for name in names], dtype=int)
         across = span.copy()
-        across[taken] = 0
+        across[axial] = 0
         others = _range(across)[:, : span.shape[1] - len(names)]
         return names + ["(" + ", ".join(f"{value:.3g}" for value in np.round(way, 6) + 0.0) + ")" for way in others.T]
 
@@ -173,7 +173,7 @@ class RigidMotions:
         for support in model.loads.supports:
             loaded.reshape(-1, model.components)[support.nodes] = True
         letters = {1: "z", 2: "xy", 3: "xyz"}[model.components]
-        held: dict[tuple[str, str], np.ndarray] = {}
+        candidates: dict[tuple[str, str], np.ndarray] = {}
         for name, component in product(sorted(model.bodies.edges, key=lambda each: each not in driven), letters):
             dofs = Edge(model, name, "boundaries").dofs(component)
             rows = self.of_dofs(dofs)
@@ -181,10 +181,10 @@ class RigidMotions:
             count, driven_count = parallel.total(model.comm, [len(dofs), int(np.count_nonzero(acting[dofs]))])
             resisted = parallel.total(model.comm, rows.T @ rows)
             if not unfit and driven_count < count:
-                held[name, component] = resisted
+                candidates[name, component] = resisted
         chosen: list[tuple[str, str]] = []
-        while free.shape[1] and held:
-            remaining = {key: _unresisted(free, each) for key, each in held.items()}
+        while free.shape[1] and candidates:
+            remaining = {key: _unresisted(free, each) for key, each in candidates.items()}
             best = min(remaining, key=lambda key: remaining[key].shape[1])
             if remaining[best].shape[1] == free.shape[1]:
                 return []
