@@ -29,6 +29,7 @@ _PUBLIC = {
     "simulate": "ruptfx.run.simulation",
     "gradient": "ruptfx.many_runs.adjoint.gradients",
     "infer": "ruptfx.many_runs.inference.inversion",
+    "reconstruct": "ruptfx.many_runs.reconstruction.reconstruct",
     "Record": "ruptfx.results.record",
     "plots": "ruptfx.results.plots",
 }

@@ -55,7 +55,7 @@ from ruptfx.laws.materials import AnyMaterial, Material, Plane
 from ruptfx.laws.nucleation import AnyNucleation
 from ruptfx.platform.codegen import native
 from ruptfx.readings.instruments import AnyInstrument
-from ruptfx.readings.misfits import AnyMisfit, Inference, Unknown
+from ruptfx.readings.misfits import AnyMisfit, Inference, Reconstruction, Unknown
 from ruptfx.results.cameras import AnyCamera
 from ruptfx.stepping.steppers import AnyStepper
 from ruptfx.stepping.stopping import StopWhen
@@ -299,6 +299,8 @@ class Case(CaseFile):
     """Quantities by which it is differentiated, an entry each; all that the case has without any."""
     inference: Inference | None = None
     """Search of `ruptfx infer` for the unknowns from the data of the objective; default settings without it."""
+    reconstruction: Reconstruction | None = None
+    """Prior of `ruptfx reconstruct`, which finds the slip of the interface from the data; defaults without it."""
     cameras: list[AnyCamera] = []
     """Cameras whose films `ruptfx film` makes from the snapshots of the run, an entry each."""
     stages: list[Stage] = []

@@ -21,7 +21,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="No progress, no table.")]
 
 
 def case_on_ranks(
-    command: str, case: Path, ranks: int, out: Path, overrides: Sequence[str], memory: float, quiet: bool,
+    command: str, case: Path, ranks: int, out: Path, overrides: Sequence[str], memory: float | None, quiet: bool,
     flags: Sequence[str] = (),
 ) -> Case:  # fmt: skip
     """Return the case, where the command is to go on in this process; start it on several ranks and exit otherwise.
@@ -45,9 +45,9 @@ def case_on_ranks(
     if ranks == 1 or launch.RANKS in os.environ:
         return parsed
     options = [item for value in overrides for item in ("--set", value)] + ["--quiet"] * quiet
-    options += flags
+    options += [*flags, *([] if memory is None else ["--memory", str(memory)])]
     if not quiet:
         errors.print(f"starting {ranks} ranks")
     with reported():
-        code = launch.run_on(ranks, [command, "--out", str(out), "--memory", str(memory), *options, "--", str(case)])
+        code = launch.run_on(ranks, [command, "--out", str(out), *options, "--", str(case)])
     raise typer.Exit(code)

@@ -7,7 +7,7 @@ transpose returns the factors of the fields after every step from those of the s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -141,6 +141,29 @@ class Readings:
             items.append(Sample(times, values, np.ones(len(times)), slopes))
         return items
 
+    def sources(self, number: int) -> dict[str, list[tuple[str, Places]]]:
+        """Return the weighted fields of a trace by their clock, with places and weights at all nodes of this rank."""
+        return {clock: parts for (clock, which), parts in self._all.items() if which == number}
+
+    def trace_of(self, number: int, series: Mapping[str, Floats], times: Floats) -> Floats:
+        """Return a trace at times from the readings of its sources after every step, shape (times, n).
+
+        Parameters
+        ----------
+        number : int
+            Of the request.
+        series : mapping of str to ndarray, shape (steps + 1, n)
+            By clock.
+        times : ndarray, shape (times,)
+        """
+        total = np.zeros((len(times), next(iter(series.values())).shape[1]))
+        for clock, values in series.items():
+            own, raw = self._clock(clock, values)
+            known = filtered(own, raw, self.requests[number].bandwidth)
+            after, part = _between(times, own)
+            total += known[after - 1] * (1 - part)[:, None] + known[after] * part[:, None]
+        return total
+
     def _times(self, request: Trace, clock: str) -> Floats:
         return request.times if request.times is not None else self._clock(clock, np.zeros(self._steps + 1))[0]
 
@@ -154,7 +177,7 @@ class Readings:
         middle = np.maximum(n - 0.5, 0.0) * dt
         if clock == "velocity":
             return middle, series
-        change = np.concatenate([[0.0], np.diff(series) / np.diff(middle)])
+        change = np.concatenate([np.zeros_like(series[:1]), (np.diff(series, axis=0).T / np.diff(middle)).T])
         return np.concatenate([[0.0], 0.5 * (middle[1:] + middle[:-1])]), change
 
     # -- transpose -------------------------------------------------------------------------------------------------
@@ -242,8 +265,13 @@ def _slopes(times: Floats, own: Floats, values: Floats) -> Floats:
 
 def _interpolated_transposed(times: Floats, own: Floats, factor: Floats) -> Floats:
     values = np.zeros(len(own))
-    after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
-    part = np.clip((times - own[after - 1]) / (own[after] - own[after - 1]), 0.0, 1.0)
+    after, part = _between(times, own)
     np.add.at(values, after - 1, (1 - part) * factor)
     np.add.at(values, after, part * factor)
     return values
+
+
+def _between(times: Floats, own: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return the next known time of each time, and the part of the interval before it that has passed."""
+    after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
+    return after, np.clip((times - own[after - 1]) / (own[after] - own[after - 1]), 0.0, 1.0)

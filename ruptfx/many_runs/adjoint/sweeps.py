@@ -53,6 +53,43 @@ def number_of_steps(duration: float, dt: float) -> int:
     return int(np.ceil(end_of(duration) / dt)) + 1
 
 
+def diagonal_factors(motion: LeapfrogMotion) -> tuple[list[Floats], list[Floats], list[Floats]]:
+    """Return keep, push and the velocity per impulse in contact at all degrees of freedom, by number of the step."""
+    model, nodes = cast("Model", motion.model), motion.nodes
+    every_keep, every_push, mobility = [], [], []
+    for kick in nodes.kicks:
+        keep = np.full(len(model.mass), kick.plain_keep)
+        push = np.repeat(motion.dt * kick.plain_push, model.components)
+        keep[nodes.dofs], push[nodes.dofs] = kick.keep, kick.push
+        every_keep.append(keep)
+        every_push.append(push)
+        mobility.append(kick.clock.kick * nodes.inverse_mass(kick))
+    return every_keep, every_push, mobility
+
+
+def refuse_coupled_points(model: Model, mobility: Floats) -> None:
+    """Check that the mass couples normal and tangential motion at no point, as `PointMap` assumes; collective.
+
+    Raises
+    ------
+    CaseError
+        On all ranks.
+    """
+    for fault in model.faults:
+        face = fault.interface
+        rigid = not fault.contact.traction_ends_slip
+        index = coupled_points(face, mobility) if rigid else np.zeros(0, np.int64)
+        error = None
+        if len(index):
+            x = ", ".join(f"{value:.6g}" for value in face.points[index[0]])
+            error = CaseError(
+                f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': no adjoint at ({x}) m, where a "
+                "boundary holds a direction that is neither normal nor tangent to the interface; use "
+                "contact.kind = 'compliant', or hold all directions there"
+            )
+        parallel.raise_on_all(model.comm, error)
+
+
 class Sweeps:
     """A run that was made, and the sweeps through it.
 
@@ -95,9 +132,10 @@ class Sweeps:
         self.steps = number_of_steps(model.case.duration, self.dt)
         faults = next(each for each in motion.mechanisms if isinstance(each, Faults))
         self.clocks = [Clock.of_step(self.dt, number) for number in range(3)]
-        self._collect(motion)
+        self.kicks = motion.nodes.kicks
+        self._keep, self._push, self._mobility = diagonal_factors(motion)
         if record:
-            self._refuse_coupled_points()
+            refuse_coupled_points(self.model, self._mobility[-1])
         self.points = [self._point_map(motion, number) for number in range(len(self.model.faults))] if record else []
         self.readings = Readings(self.model, self.dt, self.steps, requests(self.model, self.dt, self.steps))
         self.made = Recomputation(motion, faults, self.points, self.steps, most)
@@ -107,41 +145,6 @@ class Sweeps:
         ]
         self.parameters = [np.array(list(each.parameters.values())) for each in self.points]
         self.samples = self.run_again(tell)
-
-    def _collect(self, motion: LeapfrogMotion) -> None:
-        """Collect the diagonal factors of the update at all degrees of freedom, by number of the step."""
-        c, nodes = self.model.components, motion.nodes
-        self._keep, self._push, self._mobility = [], [], []
-        self.kicks = nodes.kicks
-        for kick in nodes.kicks:
-            keep = np.full(len(self.model.mass), kick.plain_keep)
-            push = np.repeat(self.dt * kick.plain_push, c)
-            keep[nodes.dofs], push[nodes.dofs] = kick.keep, kick.push
-            self._keep.append(keep)
-            self._push.append(push)
-            self._mobility.append(kick.clock.kick * nodes.inverse_mass(kick))
-
-    def _refuse_coupled_points(self) -> None:
-        """Check that the mass couples normal and tangential motion at no point, as `PointMap` assumes; collective.
-
-        Raises
-        ------
-        CaseError
-            On all ranks.
-        """
-        for fault in self.model.faults:
-            face = fault.interface
-            rigid = not fault.contact.traction_ends_slip
-            index = coupled_points(face, self._mobility[-1]) if rigid else np.zeros(0, np.int64)
-            error = None
-            if len(index):
-                x = ", ".join(f"{value:.6g}" for value in face.points[index[0]])
-                error = CaseError(
-                    f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': no adjoint at ({x}) m, where a "
-                    "boundary holds a direction that is neither normal nor tangent to the interface; use "
-                    "contact.kind = 'compliant', or hold all directions there"
-                )
-            parallel.raise_on_all(self.model.comm, error)
 
     def _point_map(self, motion: LeapfrogMotion, number: int) -> PointMap:
         fault = self.model.faults[number]
@@ -200,7 +203,7 @@ class Sweeps:
                 changed = points.push(kick, clock, row, parameters, result, values)
                 local, width = points.local, len(points.memory)
                 memory[number] = changed[local : local + width]
-                _add(face, v, -self._mobility[kick], changed[:local] * face.weight)
+                add_jump(face, v, -self._mobility[kick], changed[:local] * face.weight)
                 fields[points.fault.name] = _named(points, changed)
             u += self.dt * v
             self.readings.observe_change(step + 1, u, v, fields)
@@ -228,7 +231,7 @@ class Sweeps:
                 result.append(points.found(row, moved.visit.after[number], clock))
                 outputs = points.value(kick, clock, row, self.loaded(number, time), result[number])
                 traction.append(outputs[: points.local])
-                _add(points.fault.interface, free, self._mobility[kick],
+                add_jump(points.fault.interface, free, self._mobility[kick],
                      traction[number] * points.fault.interface.weight)  # fmt: skip
             for each in tangents:
                 each.step(moved, kick, time, free, result, traction)
@@ -256,7 +259,7 @@ class Sweeps:
             Of every fault, in the order of `PointMap.parameters`; points of other ranks included.
         """
         seeds, dt = self.readings.seed(factors), self.dt
-        fields = _Backward(self._motion, self._keep, self._push)
+        fields = Backward(self._motion, self._keep, self._push)
         memory = [np.zeros((len(each.memory), each.fault.interface.weight.size)) for each in self.points]
         gradient = [np.zeros_like(each) for each in self.parameters]
         for visit in self.made.backward():
@@ -271,12 +274,12 @@ class Sweeps:
             for number in reversed(range(len(self.points))):
                 points, of_output = self.points[number], of_outputs[number]
                 face, local, row = points.fault.interface, points.local, visit.rows[number]
-                of_output[:local] = -face.weight * _jump(face, fields.b, self._mobility[kick]).T
+                of_output[:local] = -face.weight * scaled_jump(face, fields.b, self._mobility[kick]).T
                 result = points.found(row, visit.after[number], clock)
                 pulled = points.pull(kick, clock, row, self.loaded(number, time), result, of_output)
                 width = len(points.memory)
-                _add(face, fields.a, None, pulled[:local])
-                _add(face, fields.b, None, pulled[local : 2 * local])
+                add_jump(face, fields.a, None, pulled[:local])
+                add_jump(face, fields.b, None, pulled[local : 2 * local])
                 memory[number] = pulled[2 * local : 2 * local + width]
                 of_parameters = pulled[2 * local + width :]
                 gradient[number] += of_parameters
@@ -373,8 +376,8 @@ class _BodyTangent:
             row, parameters = moved.visit.rows[number], sweeps.loaded(number, time)
             changed = points.push(kick, sweeps.clocks[kick], row, parameters, items[number], values)
             self._memory[number] = changed[local : local + len(points.memory)]
-            _add(face, v, -mobility, changed[:local] * face.weight)
-            _add(face, v, -mobility * change.push, traction[number] * face.weight)
+            add_jump(face, v, -mobility, changed[:local] * face.weight)
+            add_jump(face, v, -mobility * change.push, traction[number] * face.weight)
             fields[points.fault.name] = _named(points, changed)
         u += sweeps.dt * v
         self._v = v
@@ -385,7 +388,7 @@ class _BodyTangent:
         return [sample.values for sample in self._readings.samples()]
 
 
-class _Backward:
+class Backward:
     """Factors a and b of displacement and velocity in a backward sweep.
 
     With D = push b and V = push a a backward step is a step of the bulk kernel, V += push (-K D) and D += dt V. So it
@@ -467,7 +470,7 @@ class _Backward:
             self._viscous[:] = 0
 
 
-def _jump(face: Interface, field: Floats, scale: Floats) -> Floats:
+def scaled_jump(face: Interface, field: Floats, scale: Floats) -> Floats:
     """Return J of a field times a scale of every degree of freedom, shape (n, local)."""
     c = face.frame.shape[2]
     nodal, factor = field.reshape(-1, c), scale.reshape(-1, c)
@@ -477,7 +480,7 @@ def _jump(face: Interface, field: Floats, scale: Floats) -> Floats:
     return np.einsum("ikc,ic->ik", face.rows, difference)
 
 
-def _add(face: Interface, field: Floats, scale: Floats | None, values: Floats) -> None:
+def add_jump(face: Interface, field: Floats, scale: Floats | None, values: Floats) -> None:
     """Add J' values to a field in place, shape (local, n), times a scale of every degree of freedom."""
     c = face.frame.shape[2]
     vector = np.einsum("ikc,ki->ic", face.rows, values)

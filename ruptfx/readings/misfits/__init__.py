@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ruptfx.input.schema import Alternative, Part, Unit, alternative
-from ruptfx.input.units import Length, Positive, without_unit
+from ruptfx.input.units import Duration, Length, Positive, Speed, Time, without_unit
 from ruptfx.readings.instruments import Channel
 
 if TYPE_CHECKING:
@@ -212,6 +212,34 @@ class Inference(Part):
     """Runs of a generation of `cma_es`, or walkers of `ensemble`; default is 4 + 3 ln n or 2 n + 2 for n variables."""
     seed: int = 0
     """Seed of `cma_es` and `ensemble`."""
+
+
+class Reconstruction(Part):
+    """Prior of the slip rate of an interface in `ruptfx reconstruct`, and its output.
+
+    The slip rate is a Gaussian random field of mean zero with Matern covariances of order 5/2 in space and time.
+    Amplitude, length and time that are not given maximise the likelihood of the data.
+    """
+
+    amplitude: Speed | None = None
+    """Prior standard deviation of the slip rate."""
+    length: Length | None = None
+    """Correlation length of the slip rate along the interface."""
+    time: Duration | None = None
+    """Correlation time of the slip rate."""
+    begin: Time = 0.0
+    """Time before which nothing slips."""
+    interval: Duration | None = None
+    """Time between the instants at which the slip rate is computed, linear between them; default is the shortest
+    interval of the data."""
+    samples: Annotated[int, Field(ge=2)] = 24
+    """Number of samples of the slip rate, each with a run for its tractions."""
+    seed: int = 0
+    """Seed of the samples."""
+    positive: bool = False
+    """Set slip rates of samples against the direction of the initial shear stress to zero."""
+    positions: Annotated[list[float], Field(min_length=1), Unit("m")] | None = None
+    """Positions of the curves of traction against slip; default are four where the slip rate is known best."""
 
 
 if TYPE_CHECKING:

@@ -1,0 +1,229 @@
+"""Gaussian prior and posterior of a slip rate along a line and in time, and of unknown clocks, gains and offsets.
+
+The prior covariance is a product of Matern functions of order 5/2 of distance and of time. The eigenvectors of both
+with all but `TAIL` of the variance are the modes Phi of space and Psi of time: V = Phi c Psi' with independent normal
+coefficients c. With B the derivative of the data by the coefficients over the standard deviation of the noise, the
+posterior is computed in the space of the data d by the Cholesky factor L of B B' + I = L L':
+
+    mean = B' (L L')^-1 d        covariance = I - W' W with W = L^-1 B
+
+Source: Rasmussen and Williams (2006); samples by Matheron's rule, Journel and Huijbregts (1978).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+TAIL = 1e-4
+"""Part of the prior variance that the modes of space, and those of time, do not contain."""
+SUBSET = 1000
+"""Largest number of data of which the likelihood is maximised."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Modes of the slip rate.
+
+    Attributes
+    ----------
+    space : ndarray, shape (n, r)
+        [m/s]
+    time : ndarray, shape (knots, s)
+    """
+
+    space: Floats
+    time: Floats
+
+    @classmethod
+    def of_lengths(
+        cls, amplitude: float, length: float, time: float, position: Floats, times: Floats, tail: float = TAIL
+    ) -> Prior:
+        """Return the modes for a standard deviation [m/s] and correlation lengths in space [m] and time [s]."""
+        return cls(amplitude * modes(position, length, tail), modes(times, time, tail))
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.space.shape[1] * self.time.shape[1]
+
+    def fields(self, coefficients: Floats, weights: Floats | None = None) -> Floats:
+        """Return slip rates at the knots, shape (..., knots, n).
+
+        With weights, shape (times, knots), return sums over the knots, shape (..., times, n).
+        """
+        time = self.time if weights is None else weights @ self.time
+        shaped = coefficients.reshape(*coefficients.shape[:-1], self.space.shape[1], self.time.shape[1])
+        return np.asarray(np.einsum("tp,...mp,xm->...tx", time, shaped, self.space, optimize=True))
+
+    def deviation(self, weights: Floats | None = None) -> Floats:
+        """Return the prior standard deviation of what `fields` returns, shape (times, n)."""
+        time = self.time if weights is None else weights @ self.time
+        return np.sqrt(np.outer((time**2).sum(axis=1), (self.space**2).sum(axis=1)))
+
+
+def modes(points: Floats, length: float, tail: float = TAIL) -> Floats:
+    """Return scaled eigenvectors of the Matern covariance of order 5/2, shape (points, modes), without a tail."""
+    scaled = np.sqrt(5.0) * np.abs(points[:, None] - points) / length
+    values, vectors = np.linalg.eigh((1 + scaled + scaled**2 / 3) * np.exp(-scaled))
+    values, vectors = values[::-1], vectors[:, ::-1]
+    beyond = len(points) - np.cumsum(values)
+    count = 1 + int(np.argmax(beyond <= max(tail, 1e-14) * len(points)))
+    return np.asarray(vectors[:, :count] * np.sqrt(np.maximum(values[:count], 0.0)))
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Data that depend on the slip rate.
+
+    Attributes
+    ----------
+    kernels : ndarray, shape (kernels, knots, n)
+        Readings from a first knot of 1 m/s.
+    kernel, lag : ndarray of int, shape (data,)
+        Kernel of each datum, and how many knots after the first one it is.
+    values, sigma : ndarray, shape (data,)
+        Data without the response to known loads, and standard deviations of their noise.
+    """
+
+    kernels: Floats
+    kernel: Integers
+    lag: Integers
+    values: Floats
+    sigma: Floats
+
+    def some(self, index: Integers) -> Rows:
+        """Return some of the data."""
+        return Rows(self.kernels, self.kernel[index], self.lag[index], self.values[index], self.sigma[index])
+
+    def design(self, prior: Prior) -> Floats:
+        """Return the derivatives of the data by the coefficients over sigma, shape (data, coefficients)."""
+        from scipy import fft
+
+        knots, (space, time) = len(prior.time), (prior.space, prior.time)
+        length = fft.next_fast_len(2 * knots, real=True)
+        in_time = fft.rfft(time, length, axis=0)
+        result = np.empty((len(self.kernel), space.shape[1], time.shape[1]))
+        for number in np.unique(self.kernel):
+            mine = np.flatnonzero(self.kernel == number)
+            of_modes = fft.rfft(self.kernels[number] @ space, length, axis=0)
+            both = fft.irfft(of_modes[:, :, None] * in_time[:, None, :], length, axis=0)
+            result[mine] = both[self.lag[mine]] / self.sigma[mine, None, None]
+        return result.reshape(len(self.kernel), -1)
+
+
+class Posterior:
+    """Posterior of the coefficients of a prior and of further unknowns.
+
+    Parameters
+    ----------
+    prior : Prior
+    rows : Rows
+    columns : ndarray, shape (data, extra), optional
+        Changes of the data by one prior standard deviation of further unknowns.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (coefficients,)
+    extra, extra_deviation : ndarray, shape (extra,)
+        Further unknowns and their posterior standard deviations, over those of the prior.
+    fit : ndarray, shape (data,)
+    """
+
+    def __init__(self, prior: Prior, rows: Rows, columns: Floats | None = None) -> None:
+        from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+        self.prior = prior
+        extra = np.zeros((len(rows.values), 0)) if columns is None else columns / rows.sigma[:, None]
+        self._design = np.hstack([rows.design(prior), extra])
+        factor = cho_factor(self._design @ self._design.T + np.eye(len(rows.values)), lower=True)
+        self._scaled, self._solve = rows.values / rows.sigma, lambda values: cho_solve(factor, values)
+        self._half = solve_triangular(factor[0], self._design, lower=True)  # W
+        mean = self._design.T @ self._solve(self._scaled)
+        self.mean, self.extra = mean[: prior.size], mean[prior.size :]
+        self.extra_deviation = np.sqrt(np.maximum(1 - np.sum(self._half[:, prior.size :] ** 2, axis=0), 0.0))
+        self.fit = rows.sigma * (self._design @ mean)
+
+    def deviation(self, weights: Floats | None = None) -> Floats:
+        """Return the posterior standard deviation of what `Prior.fields` returns, shape (times, n)."""
+        time = self.prior.time if weights is None else weights @ self.prior.time
+        half = self._half[:, : self.prior.size].reshape(len(self._half), *self._shape)
+        variance = self.prior.deviation(weights) ** 2
+        for point, row in enumerate(self.prior.space):
+            variance[:, point] -= np.sum((np.einsum("dmp,m->dp", half, row, optimize=True) @ time.T) ** 2, axis=0)
+        return np.sqrt(np.maximum(variance, 0.0))
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return self.prior.space.shape[1], self.prior.time.shape[1]
+
+    def samples(self, count: int, seed: int) -> Floats:
+        """Return samples of the coefficients, shape (count, coefficients)."""
+        random = np.random.default_rng(seed)
+        start = random.normal(size=(count, self._design.shape[1]))
+        noise = random.normal(size=(count, len(self._scaled)))
+        residuals = self._scaled - start @ self._design.T - noise
+        return np.asarray(start + self._solve(residuals.T).T @ self._design)[:, : self.prior.size]
+
+
+def likeliest(
+    known: dict[str, float | None], rows: Rows, position: Floats, times: Floats, seed: int = 0
+) -> dict[str, float]:
+    """Return amplitude, length and time of the prior; those that are None maximise the likelihood of the data.
+
+    Parameters
+    ----------
+    known : dict
+        `amplitude` [m/s], `length` [m] and `time` [s].
+    rows : Rows
+        Up to `SUBSET` of them, chosen at random, are used.
+    position, times : ndarray
+        Points of the interface [m] and knots [s].
+    seed : int
+    """
+    from scipy.optimize import minimize, minimize_scalar
+
+    if None not in known.values():
+        return {name: float(value) for name, value in known.items() if value is not None}
+    count = len(rows.values)
+    if count > SUBSET:
+        rows = rows.some(np.sort(np.random.default_rng(seed).choice(count, SUBSET, replace=False)))
+    scaled = rows.values / rows.sigma
+    extents = {"length": np.ptp(position), "time": np.ptp(times)}
+    free = [name for name in extents if known[name] is None]
+
+    def best(lengths: dict[str, float]) -> tuple[float, float]:
+        """Return minus twice the logarithm of the likelihood, and the amplitude."""
+        design = rows.design(Prior.of_lengths(1.0, lengths["length"], lengths["time"], position, times, 1e-3))
+        values, vectors = np.linalg.eigh(design @ design.T)
+        values, squares = np.maximum(values, 0.0), (vectors.T @ scaled) ** 2
+
+        def cost(logarithm: float) -> float:
+            variance = np.exp(2 * logarithm) * values + 1
+            return float(np.sum(squares / variance + np.log(variance)))
+
+        if known["amplitude"] is not None:
+            return cost(np.log(known["amplitude"])), known["amplitude"]
+        middle = 0.5 * np.log(max(float(scaled @ scaled), 1e-300) / max(float(values.sum()), 1e-300))
+        found = minimize_scalar(cost, bounds=(middle - 7, middle + 7), method="bounded", options={"xatol": 1e-3})
+        return float(found.fun), float(np.exp(found.x))
+
+    def lengths_of(logarithms: Floats) -> dict[str, float]:
+        chosen = dict(zip(free, np.exp(logarithms).tolist(), strict=True))
+        return {name: chosen.get(name, known[name]) for name in extents}  # type: ignore[misc]
+
+    logarithms = np.log([extents[name] / 8 for name in free])
+    if free:
+        lowest = np.log([{"length": np.diff(np.sort(position)).mean(), "time": np.diff(times).mean()}[n] for n in free])
+        highest = np.log([2 * extents[name] for name in free])
+        logarithms = minimize(
+            lambda at: best(lengths_of(np.clip(at, lowest, highest)))[0], logarithms, method="Nelder-Mead",
+            options={"xatol": 0.05, "fatol": 0.1, "maxfev": 40 * len(free)},
+        ).x  # fmt: skip
+        logarithms = np.clip(logarithms, lowest, highest)
+    lengths = lengths_of(logarithms)
+    return {"amplitude": best(lengths)[1], **lengths}

@@ -1,0 +1,105 @@
+"""Impulse responses of sensors in files, which later experiments with the same specimen and sensors read."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx import Table, __version__
+from ruptfx.many_runs.reconstruction.twin import Twin
+from ruptfx.platform import parallel
+from ruptfx.platform.run_files import seal
+
+if TYPE_CHECKING:
+    from ruptfx.many_runs.adjoint.readings import Readings
+    from ruptfx.many_runs.adjoint.sweeps import Told
+
+Floats = NDArray[np.float64]
+SPECIMEN = ("plane", "order", "mesh", "materials", "damping", "boundaries", "attachments", "initial_velocity")
+"""Tables of a case on which impulse responses depend."""
+
+
+class Responses:
+    """Impulse responses of a twin, from files where they are there.
+
+    Parameters
+    ----------
+    twin : Twin
+    readings : Readings
+    sensors : list of Table
+        Description of the sensor of every request of the readings.
+    folder : Path, optional
+        Of the files; without it nothing is read and written.
+
+    Attributes
+    ----------
+    computed, read : int
+        Number of sensors whose responses were computed, and read.
+    """
+
+    def __init__(self, twin: Twin, readings: Readings, sensors: list[Table], folder: Path | None) -> None:
+        self._twin, self._readings, self._sensors, self._folder = twin, readings, sensors, folder
+        self.computed = self.read = 0
+        table = twin.model.case.table()
+        self._specimen = {name: table.get(name) for name in SPECIMEN} | {
+            "dt": float(f"{twin.knots.dt:.12g}"), "version": __version__, "files": dict(twin.model.case.sums),
+        }  # fmt: skip
+
+    def lags(self, number: int, tell: Told) -> dict[str, Floats]:
+        """Return the lags of the sources of a request by clock, shapes (steps, n); collective."""
+        comm, steps = self._twin.model.comm, self._twin.knots.steps
+        key = seal({**self._specimen, "sensor": self._sensors[number]})
+        path = None if self._folder is None else self._folder / f"{key}.h5"
+        known = parallel.on_root(comm, lambda: _read(path, steps))
+        if known is not None:
+            self.read += 1
+            return known
+        clocks = self._readings.sources(number)
+        result = {clock: self._twin.lags(self._readings, number, clock, tell) for clock in clocks}
+        self.computed += 1
+        parallel.on_root(comm, lambda: _write(path, result))
+        return result
+
+
+def _checksum(values: Floats) -> str:
+    return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+
+
+def _read(path: Path | None, steps: int) -> dict[str, Floats] | None:
+    """Return the first steps of responses; None without a file, with a damaged one, and with one of fewer steps."""
+    import h5py
+
+    if path is None or not path.is_file():
+        return None
+    try:
+        with h5py.File(path) as file:
+            result = {name: np.asarray(each[:]) for name, each in file.items()}
+            if any(each.attrs["sha256"] != _checksum(result[name]) for name, each in file.items()):
+                return None
+    except (OSError, KeyError):
+        return None
+    if not result or any(len(each) < steps for each in result.values()):
+        return None
+    return {name: each[:steps] for name, each in result.items()}
+
+
+def _write(path: Path | None, lags: dict[str, Floats]) -> None:
+    """Write responses; another process that reads them meanwhile finds the former file, or a complete one."""
+    from ruptfx.results.hdf5 import new_hdf5
+
+    if path is None:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with new_hdf5(temporary) as (file, _):
+            for name, values in lags.items():
+                file.create_dataset(name, data=values).attrs["sha256"] = _checksum(values)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

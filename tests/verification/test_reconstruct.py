@@ -1,0 +1,347 @@
+"""Reconstruction: impulse responses against runs, the posterior against a closed form, clocks, ranks, refusals."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import tomli_w
+import xarray
+from helpers.messages import facts
+from helpers.small_cases import COMPLIANT, slip_weakening, strike_slip
+from typer.testing import CliRunner
+
+from ruptfx.app.cli import app
+from ruptfx.case import Case, parse_case
+from ruptfx.input.schema import CaseError
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import reconstruct
+from ruptfx.many_runs.reconstruction.experiment import Experiment
+from ruptfx.many_runs.reconstruction.figures import FIGURES, front
+from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest
+from ruptfx.many_runs.reconstruction.result import Curves, Reconstruction
+from ruptfx.many_runs.reconstruction.twin import Knots, Twin
+from ruptfx.platform import launch
+from ruptfx.readings.instruments.model_readings import ModelReadings
+from ruptfx.readings.misfits import Trace
+
+pytestmark = pytest.mark.fem
+
+GAUGES = [
+    {"kind": "strain_gauge", "name": f"g{number}", "interval": 1e-7, "point": [x, 1.3e-3],
+     "angles": ["45 deg"], "bandwidth": 1e6} for number, x in enumerate((10e-3, 16e-3, 22e-3))
+]  # fmt: skip
+BODY = {"kind": "velocimeter", "name": "body", "interval": 1e-7, "point": [13e-3, -1e-3], "direction": [1.0, 0.0]}
+LOADED = [
+    {"kind": "absorbing", "edge": "upper.right"},
+    {"kind": "driven", "edge": "lower.left", "component": "x", "velocity": 0.4, "ramp": 3e-6},
+]  # fmt: skip
+TIMES = np.arange(3e-7, 8.9e-6, 3e-7)
+PRIOR = {"amplitude": 0.5, "length": 4e-3, "time": 1.2e-6, "begin": 1e-6, "samples": 2}
+STRAIN, SPEED = 2e-6, 4e-3
+
+
+def specimen(**changes: Any) -> dict[str, Any]:
+    return slip_weakening({"instruments": [*GAUGES, BODY], "boundaries": LOADED, **changes})
+
+
+def traces(values: dict[str, np.ndarray], times: np.ndarray = TIMES) -> list[dict[str, Any]]:
+    return [
+        {"kind": "traces", "instrument": name, "times": times.tolist(), "sigma": SPEED if name == "body" else STRAIN,
+         "data": {"velocity" if name == "body" else "extension_1": list(each)},
+         "units": {"velocity": "m/s"} if name == "body" else {"extension_1": "1"}}
+        for name, each in values.items()
+    ]  # fmt: skip
+
+
+@cache
+def experiment() -> tuple[Case, np.ndarray, np.ndarray]:
+    """Case with the data of a random slip rate, which is returned at its knots, and the slip at the last one."""
+    names = [each["name"] for each in (*GAUGES, BODY)]
+    plain = parse_case(specimen(objective=traces({name: np.zeros(len(TIMES)) for name in names}),
+                                reconstruction=PRIOR))  # fmt: skip
+    assert isinstance(plain, Case)
+    data = Experiment(plain)
+    twin = Twin(plain, interval=data.interval, begin=1e-6, end=data.end)
+    data.bind(twin.model)
+    random = np.random.default_rng(4)
+    prior = Prior.of_lengths(0.5, 4e-3, 1.2e-6, twin.position, twin.knots.times)
+    slip_rate = prior.fields(random.normal(size=prior.size))
+    motion = twin.run(twin.readings(data.requests), slip_rate)
+    noisy = {
+        name: sample.values + each.sigma * random.normal(size=len(TIMES))
+        for name, sample, each in zip(names, motion.samples, data.channels, strict=True)
+    }
+    return plain.changed("objective", traces(noisy)), slip_rate, motion.slip[-1]
+
+
+@pytest.mark.parametrize("plane, half", [("stress", False), ("strain", True), ("antiplane", False)])
+def test_impulse_responses_equal_runs_with_prescribed_slip(plane: str, half: bool) -> None:
+    """Any slip rate, loads, damping, filters, and data between the steps; relative to the largest reading."""
+    receiver = {"kind": "receiver", "name": "r", "interval": 1e-7, "point": [13e-3, 1e-3]}
+    changes: dict[str, Any] = {
+        "plane": plane, "damping": {"kelvin_voigt": {"fraction": 0.2}, "mass": 2e4},
+        "instruments": [receiver] if plane == "antiplane" else [GAUGES[0], {**BODY, "point": [13e-3, 1e-3]}, receiver],
+        "boundaries": [LOADED[0]] if half else [LOADED[0], {**LOADED[1], "component": "z" if plane == "antiplane" else "x"}],
+    }  # fmt: skip
+    if half:
+        changes["mesh"] = {"kind": "half_plate", "length": 32e-3, "height": 8e-3, "element_size": 2e-3}
+    case = parse_case(slip_weakening(changes))
+    assert isinstance(case, Case)
+    twin = Twin(case, interval=3e-7, begin=1e-6, end=9e-6)
+    bodies = ModelReadings(twin.model, lambda points: np.ones((len(points), 6)))
+    times = 1.1e-7 + TIMES
+    requests = [
+        Trace(channel, times, each.bandwidth)
+        for number, each in enumerate(case.instruments) for channel in each.channels(bodies, f"instruments.{number}")
+        if channel.offset == 0
+    ]  # fmt: skip
+    readings = twin.readings(requests)
+    slip_rate = np.random.default_rng(0).normal(size=(twin.knots.count, len(twin.position)))
+    still, moved = twin.run(readings), twin.run(readings, slip_rate)
+    at = (times - twin.knots.begin) / twin.knots.interval
+    lag = np.floor(at).astype(int)
+    assert len(requests) >= 4
+    for number in range(len(requests)):
+        lags = {clock: twin.lags(readings, number, clock) for clock in readings.sources(number)}
+        kernel = twin.kernel(readings, number, lags, at[0] - lag[0])
+        summed = [sum(kernel[k - j] @ slip_rate[j] for j in range(min(k + 1, twin.knots.count))) for k in lag]
+        change = moved.samples[number].values - still.samples[number].values
+        np.testing.assert_allclose(np.array(summed, float), change, atol=1e-12 * np.abs(change).max(), rtol=0)
+    # The integral of the slip rate until the last knot, and no slip without one.
+    wanted = twin.knots.interval * (slip_rate.sum(axis=0) - 0.5 * slip_rate[-1])
+    np.testing.assert_allclose(moved.slip[-1], wanted, rtol=1e-10, atol=1e-15)
+    assert not np.any(still.slip) and twin.knots.times[-1] >= 9e-6
+
+
+def test_knots_are_hats_of_equal_steps() -> None:
+    knots = Knots(dt=0.5, every=2, first=4, count=3)
+    np.testing.assert_allclose(knots.times, [3.0, 4.0, 5.0])
+    np.testing.assert_allclose(knots.hat, [0.25, 0.75, 0.75, 0.25])
+    rates = knots.in_steps(np.array([[1.0], [2.0], [0.0]]))[:, 0]
+    np.testing.assert_allclose(rates, [0, 0, 0, 0, 0.25, 0.75, 1.25, 1.75, 1.5, 0.5, 0, 0])
+
+
+def dense(rows: Rows, position: np.ndarray, times: np.ndarray, lengths: dict[str, float]) -> tuple[np.ndarray, ...]:
+    """Posterior mean and covariance of all slip rates by matrices of all points and knots."""
+
+    def matern(points: np.ndarray, length: float) -> np.ndarray:
+        r = np.sqrt(5) * np.abs(points[:, None] - points) / length
+        return (1 + r + r**2 / 3) * np.exp(-r)
+
+    knots, n = len(times), len(position)
+    covariance = lengths["amplitude"] ** 2 * np.kron(
+        matern(times, lengths["time"]), matern(position, lengths["length"])
+    )
+    forward = np.zeros((len(rows.values), knots, n))
+    for row, (kernel, lag) in enumerate(zip(rows.kernel, rows.lag, strict=True)):
+        for knot in range(lag + 1):
+            forward[row, knot] = rows.kernels[kernel, lag - knot]
+    forward = forward.reshape(len(rows.values), -1)
+    gain = covariance @ forward.T @ np.linalg.inv(forward @ covariance @ forward.T + np.diag(rows.sigma**2))
+    return gain @ rows.values, covariance - gain @ forward @ covariance
+
+
+def random_rows(random: np.random.Generator, knots: int, n: int, data: int) -> Rows:
+    kernels = random.normal(size=(3, knots, n))
+    lag = random.integers(0, knots, data)
+    return Rows(kernels, random.integers(0, 3, data), lag, random.normal(size=data), random.uniform(0.5, 2.0, data))
+
+
+def test_mean_and_deviation_equal_the_closed_form() -> None:
+    random = np.random.default_rng(1)
+    position, times = np.sort(random.uniform(0, 5, 9)), np.arange(1.0, 8.0)
+    lengths = {"amplitude": 0.7, "length": 1.5, "time": 2.0}
+    rows = random_rows(random, 7, 9, 25)
+    mean, covariance = dense(rows, position, times, lengths)
+    prior = Prior.of_lengths(**lengths, position=position, times=times, tail=0.0)
+    made = Posterior(prior, rows)
+    np.testing.assert_allclose(prior.fields(made.mean), mean.reshape(7, 9), atol=1e-8)
+    np.testing.assert_allclose(made.deviation() ** 2, np.diag(covariance).reshape(7, 9), atol=1e-8)
+    np.testing.assert_allclose(prior.deviation(), 0.7)
+    weights = random.normal(size=(2, 7))
+    summed = np.einsum("at,txsy,bs->axby", weights, covariance.reshape(7, 9, 7, 9), weights)
+    np.testing.assert_allclose(made.deviation(weights) ** 2, [[summed[a, x, a, x] for x in range(9)] for a in (0, 1)],
+                               atol=1e-8)  # fmt: skip
+    drawn = prior.fields(made.samples(4000, 0)).reshape(4000, -1)
+    np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=5 * 0.7 / np.sqrt(4000))
+    np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=5 * 0.49 * np.sqrt(2 / 4000))
+
+
+def test_modes_leave_out_a_part_of_the_variance() -> None:
+    position, times = np.linspace(0, 1, 60), np.linspace(0, 1, 50)
+    full, less = (Prior.of_lengths(2.0, 0.2, 0.1, position, times, tail) for tail in (0.0, 1e-4))
+    assert less.size < full.size / 5
+    assert 1 - 2e-4 < np.mean(less.deviation() ** 2) / 4.0 < 1
+
+
+def test_lengths_of_the_prior_maximise_the_likelihood() -> None:
+    random = np.random.default_rng(3)
+    position, times = np.linspace(0, 10, 20), np.arange(1.0, 31.0)
+    prior = Prior.of_lengths(3.0, 2.0, 4.0, position, times)
+    kernels = np.zeros((20, 30, 20))
+    kernels[np.arange(20), 0, np.arange(20)] = 1.0  # each point is seen
+    kernel, lag = (each.ravel() for each in np.meshgrid(np.arange(20), np.arange(30), indexing="ij"))
+    truth = prior.fields(random.normal(size=prior.size))
+    rows = Rows(kernels, kernel, lag, truth[lag, kernel] + 0.1 * random.normal(size=600), np.full(600, 0.1))
+    known: dict[str, float | None] = {"amplitude": None, "length": None, "time": None}
+    found = likeliest(known, rows, position, times)
+    for name, value in {"amplitude": 3.0, "length": 2.0, "time": 4.0}.items():
+        assert value / 1.5 < found[name] < 1.5 * value, name
+    assert likeliest(known | {"length": 2.0}, rows, position, times)["length"] == 2.0
+
+
+def test_slip_is_reconstructed_within_its_deviation(tmp_path: Path) -> None:
+    """By the command: its files, its numbers, and the responses, which later experiments with fewer data read."""
+    case, slip_rate, slip = experiment()
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(case.table()))
+    out, shared = tmp_path / "out", tmp_path / "responses"
+    arguments = ["reconstruct", str(tmp_path / "case.toml"), "--out", str(out), "--responses", str(shared)]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["verdict"] in result.output.replace("\n", " ") and summary["responses_computed"] == 4
+    assert summary["fit_of_run"] < 1e-11 and not summary["notes"]
+    assert {path.name for path in out.iterdir()} >= {
+        "case.toml",
+        "reconstruction.nc",
+        *(f"{name}.png" for name in FIGURES),
+    }
+    with xarray.open_dataset(out / "reconstruction.nc", engine="h5netcdf") as made:
+        off = (slip_rate - made.slip_rate.values) / made.slip_rate_deviation.values
+        assert 0.9 < np.sqrt(np.mean(off**2)) < 1.1 and made.slip_rate.units == "m/s"
+        seen = made.information.values[-1] > 0.3
+        last = (slip - made.slip.values[-1]) / made.slip_deviation.values[-1]
+        assert seen.any() and np.sqrt(np.mean(last[seen] ** 2)) < 1.6
+        assert made.slip_rate_samples.shape == (2, *slip_rate.shape)
+        first = made.load()
+    # A missing channel and missing samples; one response is damaged.
+    damaged = sorted(shared.iterdir())[0]
+    with h5py.File(damaged, "r+") as file:
+        next(iter(file.values()))[5, 5] += 1.0
+    fewer = case.changed("objective", [
+        {**case.table()["objective"][0], "end": 6e-6}, *case.table()["objective"][2:],
+    ])  # fmt: skip
+    made = reconstruct(fewer, shared, progress=False)
+    assert made.about["responses_read"] + made.about["responses_computed"] == 3
+    assert made.about["responses_computed"] <= 1 and len(made.channels[0].times) < len(TIMES)
+    assert np.all(made.deviation >= first.slip_rate_deviation.values * (1 - 1e-9))
+    again = reconstruct(case, shared, progress=False)
+    assert again.about["responses_read"] >= 3
+    np.testing.assert_allclose(again.mean, first.slip_rate.values, atol=1e-12)
+
+
+def test_samples_may_be_positive() -> None:
+    case, _, _ = experiment()
+    made = reconstruct(case.changed("reconstruction.positive", True), progress=False)
+    assert np.all(made.samples >= 0) and np.any(made.samples == 0) and np.any(made.mean < 0)
+    assert made.about["positivity"] == "samples projected"
+
+
+def test_clocks_and_offsets_are_unknowns() -> None:
+    """Data of a gauge are 0.1 us late, another one has an offset of 20 microstrain."""
+    case, _, _ = experiment()
+    terms = case.table()["objective"]
+    terms[0]["times"] = (np.array(terms[0]["times"]) + 1e-7).tolist()
+    terms[1]["data"]["extension_1"] = (np.array(terms[1]["data"]["extension_1"]) + 20e-6).tolist()
+    terms[0]["end"] = 8.8e-6
+    keys = {"objective.0.time_shift": 2e-7, "objective.1.offset": 5e-5}
+    unknowns = [{"key": key, "shape": "number", "sigma": sigma} for key, sigma in keys.items()]
+    made = reconstruct(case.changed("objective", terms).changed("unknowns", unknowns), progress=False)
+    for key, wanted in {"objective.0.time_shift": -1e-7, "objective.1.offset": 2e-5}.items():
+        change, deviation, _ = made.unknowns[key]
+        assert abs(change - wanted) < 3 * deviation < 3 * keys[key], key
+    assert np.all(made.misfits < 1.5)
+    plain = reconstruct(case.changed("objective", terms), progress=False)
+    assert plain.misfits[0] > 2 * made.misfits[0]
+
+
+def test_two_ranks_give_the_same(tmp_path: Path) -> None:
+    case, _, _ = experiment()
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(case.table()))
+    results = []
+    for ranks in (1, 2):
+        out = tmp_path / f"out{ranks}"
+        arguments = ["reconstruct", str(tmp_path / "case.toml"), "--out", str(out), "--quiet", "--responses",
+                     str(tmp_path / f"responses{ranks}")]  # fmt: skip
+        assert launch.run_on(ranks, arguments) == 0
+        with xarray.open_dataset(out / "reconstruction.nc", engine="h5netcdf") as made:
+            results.append(made.load())
+    for name in ("slip_rate", "slip_rate_deviation", "slip", "shear_traction", "shear_traction_deviation"):
+        one, two = (each[name].values for each in results)
+        np.testing.assert_allclose(two, one, atol=1e-10 * np.abs(one).max(), rtol=0, err_msg=name)
+
+
+def synthetic() -> Reconstruction:
+    """A front at 1 m/s that is known for positions from 2 to 8 m."""
+    position, times = np.linspace(0, 10, 21), np.arange(1.0, 11.0)
+    mean = np.exp(-((times[:, None] - position) ** 2))
+    known = np.abs(position - 5) <= 3
+    deviation = np.where(known, 0.1, 0.9) * np.ones((10, 1))
+    slip = np.cumsum(mean, axis=0)
+    traction = 3.0 - 2.0 * np.minimum(slip / 0.5, 1.0)
+    both = [np.stack([each, each]) for each in (slip, traction, np.full_like(slip, 5.0))]
+    return Reconstruction(position, times, mean, deviation, np.ones((10, 21)), deviation, mean[None], Curves(*both), [], [],
+                          {}, {"amplitude": 1.0, "length": 1.0, "time": 1.0})  # fmt: skip
+
+
+def test_numbers_of_a_known_front() -> None:
+    made = synthetic()
+    assert made.known_range == (2.0, 8.0)
+    np.testing.assert_allclose(made.known, np.where(np.abs(made.position - 5) <= 3, 0.99, 1 - 0.81))
+    assert made.peak == (1.0, 0.1)
+    places, when = front(made)
+    np.testing.assert_array_equal(places, made.position[(made.position >= 2) & (made.position <= 8)])
+    # exp(-(t - x)^2) is below a fifth until 1.27 before the front.
+    np.testing.assert_array_equal(
+        when, [max(t for t in made.times if t < x - 1.268) if x > 2.268 else 1.0 for x in places]
+    )
+    # Traction falls linearly from 3 to 1 within 0.5 of slip; the work above 1 is half of 2 times 0.5, in coarse steps.
+    work = made.curves.breakdown(made.mean[None], 1.0)[0, 10]
+    slip, traction = made.curves.slip[0, :, 10], made.curves.shear_traction[0, :, 10]
+    assert work == pytest.approx(np.sum((traction - 1.0) * made.mean[:, 10]))
+    assert np.ptp(slip) > 0.5
+
+
+def refused(case: Case) -> str:
+    with pytest.raises(CaseError) as caught:
+        reconstruct(case, progress=False)
+    return str(caught.value)
+
+
+def test_refusals_name_keys_and_remedies() -> None:
+    case, _, _ = experiment()
+    terms = case.table()["objective"]
+    early = [terms[0], {**terms[1], "end": 2e-6}, {**terms[2], "begin": 4e-6}]
+    text = refused(case.changed("objective", early))
+    assert facts(text, "objective.2.times", "objective.1", "time_shift") and "clocks" in text
+    blind = [{**terms[3], "end": 1.25e-6}, *terms[:3]]
+    text = refused(case.changed("instruments.3.point", [31.9e-3, 3.9e-3]).changed("objective", blind))
+    assert "objective.0" in text and "sees nothing" in text and "leave the channel out" in text
+    late = [{**terms[0], "times": (TIMES + 5e-6).tolist()}]
+    assert "objective.0.times" in refused(case.changed("objective", late))
+    irregular = [{**terms[0], "times": (TIMES + 1e-8 * np.sin(TIMES * 1e9)).tolist()}]
+    assert "reconstruction.interval" in refused(case.changed("objective", irregular))
+    assert "objective" in refused(case.changed("objective", []))
+    assert "final_slip" in refused(case.changed("objective", [{"kind": "final_slip", "sigma": 1e-6}]))
+    assert "stepper.time_step" in refused(case.changed("stepper.time_step", 7e-8))
+    assert "reconstruction.begin" in refused(case.changed("reconstruction.begin", 9.5e-6))
+    assert "split_node" in refused(case.changed("faults.main.contact", COMPLIANT))
+    unknown = [{"key": "objective.0.offset", "shape": "number"}]
+    assert "unknowns.0" in refused(case.changed("unknowns", unknown))
+
+
+def test_planes_and_cases_that_are_not_supported() -> None:
+    term = {"kind": "traces", "instrument": "p", "times": [1e-6, 2e-6], "sigma": 1.0, "units": {"velocity": "m/s"},
+            "data": {"velocity": [0.0, 0.0]}}  # fmt: skip
+    solid = parse_case(strike_slip({"objective": [term], "instruments": [
+        {"kind": "velocimeter", "name": "p", "interval": 1e-7, "point": [0.0, 0.0, 0.0], "direction": [1.0, 0.0, 0.0]}
+    ]}))  # fmt: skip
+    assert isinstance(solid, Case) and "'solid'" in refused(solid)
