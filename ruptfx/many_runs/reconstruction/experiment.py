@@ -160,8 +160,8 @@ class Experiment:
                 f"{first.times[-1]:.6g} s: their clocks disagree; set time_shift of one of them, or leave it out"
             )
 
-    def rows(self, knots: Knots, kernel: Kernel, still: list[Sample]) -> tuple[Rows, list[NDArray[np.int64]]]:
-        """Return the data after the start of slip, and which of the data of every channel they are.
+    def rows(self, knots: Knots, kernel: Kernel, still: list[Sample]) -> Rows:
+        """Return the data; those before the start of slip have a kernel of zeros.
 
         Parameters
         ----------
@@ -176,14 +176,12 @@ class Experiment:
         CaseError
             Data at irregular times, and channels that see nothing of the interface.
         """
-        kernels: list[Floats] = []
-        parts: list[tuple[Floats, ...]] = []
-        used, sizes = [], []
+        kernels, parts, sizes = [np.zeros(0)], [], []
         for number, (channel, sample) in enumerate(zip(self.channels, still, strict=True)):
             at = (channel.times - knots.begin) / knots.interval
             lag = np.floor(at + ALIGNED).astype(int)
-            index = np.flatnonzero((lag >= 0) & (lag < knots.count))
-            phase = np.maximum(at - lag, 0.0)[index]
+            slips = lag >= 0
+            phase = np.maximum(at - lag, 0.0)[slips]
             phases, which = np.unique(np.round(phase / ALIGNED), return_inverse=True)
             phases = np.bincount(which, phase) / np.maximum(np.bincount(which), 1)  # means of equal ones
             if len(phases) > PHASES:
@@ -192,20 +190,29 @@ class Experiment:
                     f"after multiples of the interval of {knots.interval:.6g} s, and at most {PHASES} are computed; "
                     "give data with constant intervals (interpolate them), or set reconstruction.interval to theirs"
                 )
-            parts.append((len(kernels) + which, lag[index], (channel.values - sample.values)[index],
-                          channel.sigma[index]))  # fmt: skip
+            of_data = np.zeros(len(lag), int)
+            of_data[slips] = len(kernels) + which
+            parts.append((of_data, np.maximum(lag, 0), channel.values - sample.values, channel.sigma))
             mine = [kernel(number, float(each)) for each in phases]
+            last = int(lag.max()) + 1
+            sizes.append([max((float(np.abs(each[:end]).max(initial=0.0)) for each in mine), default=0.0)
+                          for end in (max(last, 0), None)])  # fmt: skip
             kernels += mine
-            used.append(index)
-            sizes.append(max((float(np.abs(each).max(initial=0.0)) for each in mine), default=0.0))
         self._check_sight(np.array(sizes))
-        columns = [np.concatenate(each) for each in zip(*parts, strict=True)]
-        return Rows(np.array(kernels), columns[0].astype(int), columns[1].astype(int), columns[2], columns[3]), used
+        kernels[0] = np.zeros_like(kernels[-1])
+        of_data, lags, values, sigma = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return Rows(np.array(kernels), of_data, lags, values, sigma)
 
     def _check_sight(self, sizes: Floats) -> None:
-        for channel, size in zip(self.channels, sizes, strict=True):
-            largest = max(other for each, other in zip(self.channels, sizes, strict=True) if each.unit == channel.unit)
-            if size <= UNSEEN * largest or size == 0:
+        """Refuse channels that see nothing until their last datum; sizes of responses until then, and until the end.
+
+        Raises
+        ------
+        CaseError
+        """
+        for channel, (size, _) in zip(self.channels, sizes, strict=True):
+            alike = [other for each, (_, other) in zip(self.channels, sizes, strict=True) if each.unit == channel.unit]
+            if size <= UNSEEN * max(alike):
                 raise CaseError(
                     f"objective.{channel.term}: '{channel.name}' sees nothing of the interface: until "
                     f"{channel.times[-1]:.6g} s its largest response is {size:.3g} {channel.unit} per m/s; leave the "
@@ -245,31 +252,28 @@ class Experiment:
             items.append((unknown, terms, name))
         return items
 
-    def columns(self, used: list[NDArray[np.int64]], fit: list[Floats]) -> Floats:
+    def columns(self, fit: list[Floats]) -> Floats:
         """Return the changes of the data by one standard deviation of every unknown, shape (data, unknowns).
 
         Parameters
         ----------
-        used : list of ndarray of int
-            Data of every channel.
         fit : list of ndarray
             Readings of all channels about which gains and times are linearised.
         """
-        unknowns = self.unknowns()
-        parts = []
-        for channel, index, values in zip(self.channels, used, fit, strict=True):
+        unknowns, parts = self.unknowns(), []
+        for channel, values in zip(self.channels, fit, strict=True):
             slopes = np.gradient(values, channel.times) if len(values) > 1 else np.zeros(len(values))
-            sample = Sample(channel.times, values, np.ones(len(values)), slopes)
-            part = np.zeros((len(index), len(unknowns)))
+            term, part = self.terms[channel.term], np.zeros((len(values), len(unknowns)))
+            samples = [Sample(channel.times, values, np.ones(len(values)), slopes)] * (channel.place + 1)
             for column, (unknown, terms, name) in enumerate(unknowns):
                 if channel.term in terms:
-                    term = self.terms[channel.term]
-                    count = len(cast("list[Measured]", term.measured()))
-                    part[:, column] = (
-                        cast(float, unknown.sigma) * term.change(name, [sample] * count)[channel.place][index]
-                    )
+                    part[:, column] = cast(float, unknown.sigma) * term.change(name, samples)[channel.place]
             parts.append(part)
         return np.concatenate(parts)
+
+    def split(self, values: Floats) -> list[Floats]:
+        """Return values of all data by channel."""
+        return np.split(values, np.cumsum([len(each.times) for each in self.channels])[:-1])
 
 
 def _sample(request: Trace) -> Sample:

@@ -108,7 +108,7 @@ class Rows:
         length = fft.next_fast_len(2 * knots, real=True)
         in_time = fft.rfft(time, length, axis=0)
         result = np.empty((len(self.kernel), space.shape[1], time.shape[1]))
-        for number in np.unique(self.kernel):
+        for number in np.unique(self.kernel):  # that of zeros included
             mine = np.flatnonzero(self.kernel == number)
             of_modes = fft.rfft(self.kernels[number] @ space, length, axis=0)
             both = fft.irfft(of_modes[:, :, None] * in_time[:, None, :], length, axis=0)

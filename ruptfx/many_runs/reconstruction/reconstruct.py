@@ -55,39 +55,28 @@ class Solution:
     fit: list[Floats]
 
 
-def solve(
-    experiment: Experiment, rows: Rows, used: list[NDArray[np.int64]], twin: Twin, still: list[Sample],
-    settings: Settings,
-) -> Solution:  # fmt: skip
+def solve(experiment: Experiment, rows: Rows, twin: Twin, still: list[Sample], settings: Settings) -> Solution:
     """Return the posterior of the slip rate, on one rank."""
     times, position = twin.knots.times, twin.position
     known = {name: getattr(settings, name) for name in ("amplitude", "length", "time")}
     lengths = {name: parallel.three_digits(value) for name, value in likeliest(known, rows, position, times).items()}
     lengths |= {name: value for name, value in known.items() if value is not None}
     prior = Prior.of_lengths(**lengths, position=position, times=times)
-    unknowns, columns = experiment.unknowns(), None
-    fit = [sample.values.copy() for sample in still]
-    shifts = [np.zeros(len(each)) for each in fit]
-    ends = np.cumsum([len(each) for each in used])[:-1]
-    for number in range(PASSES if unknowns else 1):
-        posterior = Posterior(prior, rows, columns if number else None)
-        changes = np.zeros(len(rows.values)) if not number else columns @ posterior.extra  # type: ignore[operator]
-        for index, values, sample, base, shift in zip(
-            used, np.split(posterior.fit - changes, ends), still, fit, shifts, strict=True
-        ):
-            base[index] = sample.values[index] + values
-            shift[:] = 0.0
-        for index, values, shift in zip(used, np.split(changes, ends), shifts, strict=True):
-            shift[index] = values
-        if unknowns:
-            columns = experiment.columns(used, fit)
+    loaded = np.concatenate([sample.values for sample in still])
+    posterior = Posterior(prior, rows)
+    fit, changes = loaded + posterior.fit, np.zeros(len(loaded))
+    for _ in range(PASSES if experiment.unknowns() else 0):
+        columns = experiment.columns(experiment.split(fit))
+        posterior = Posterior(prior, rows, columns)
+        changes = columns @ posterior.extra
+        fit = loaded + posterior.fit - changes
     knots = len(times)
     # Slip is the integral of a slip rate that is linear between the knots and zero before the first interval.
     summed = twin.knots.interval * (np.tril(np.ones((knots, knots))) - 0.5 * np.eye(knots))
     return Solution(
         lengths, prior.fields(posterior.mean), posterior.deviation(), prior.deviation(), posterior.deviation(summed),
         prior.fields(posterior.samples(settings.samples, settings.seed)), posterior.extra, posterior.extra_deviation,
-        shifts, fit,
+        experiment.split(changes), experiment.split(fit),
     )  # fmt: skip
 
 
@@ -128,12 +117,12 @@ def reconstruct(
     with Progress(show) as bar:
         for number in range(count):
             lags.append(stored.lags(number, _part(bar.update, number, count, "channel")))
-    rows, used = experiment.rows(
+    rows = experiment.rows(
         twin.knots, lambda number, phase: twin.kernel(readings, number, lags[number], phase), still.samples
     )
     set_up, begun = time.perf_counter() - begun, time.perf_counter()
     with working("computing mean and deviation", show):
-        solution = parallel.on_root(comm, lambda: solve(experiment, rows, used, twin, still.samples, settings))
+        solution = parallel.on_root(comm, lambda: solve(experiment, rows, twin, still.samples, settings))
     solved, begun = time.perf_counter() - begun, time.perf_counter()
     towards = np.sign(parallel.total(comm, float(np.sum(twin.fault.shear_traction_0)))) or 1.0
     samples = solution.samples
@@ -150,7 +139,7 @@ def reconstruct(
         "responses_computed": stored.computed, "responses_read": stored.read,
         "time_step": twin.knots.dt, "begin": twin.knots.begin, "interval": twin.knots.interval,
         "positivity": "samples projected" if settings.positive else "not imposed",
-        "fit_of_run": _closure(motions[0], solution, used),
+        "fit_of_run": _closure(motions[0], solution),
     }  # fmt: skip
     unknowns = {
         unknown.key: (float(unknown.sigma or 0.0) * float(value), float(unknown.sigma or 0.0) * float(deviation),
@@ -172,10 +161,7 @@ def _part(tell: Told, number: int, count: int, name: str) -> Told:
     return lambda done, text: tell((number + done) / count, f"{name} {number + 1} of {count}, {text}")
 
 
-def _closure(motion: Motion, solution: Solution, used: list[NDArray[np.int64]]) -> float:
+def _closure(motion: Motion, solution: Solution) -> float:
     """Return the largest difference of the run with the mean slip rate from the fit, over the largest reading."""
-    worst = 0.0
-    for sample, fit, index in zip(motion.samples, solution.fit, used, strict=True):
-        size = max(float(np.abs(sample.values).max(initial=0.0)), 1e-300)
-        worst = max(worst, float(np.abs(sample.values - fit)[index].max(initial=0.0)) / size)
-    return worst
+    pairs = [(sample.values, fit) for sample, fit in zip(motion.samples, solution.fit, strict=True)]
+    return max(float(np.abs(run - fit).max() / max(np.abs(run).max(), 1e-300)) for run, fit in pairs)
