@@ -35,7 +35,7 @@ pytestmark = pytest.mark.fem
 NO_NUMBERS = {
     r"title": "heads figures and tables",
     r"positions": "says that the user knows what positions are; without effect where interfaces begin at x = 0",
-    r"(objective|unknowns|inference).*": "what `ruptfx gradient` and `ruptfx infer` do after a run",
+    r"(objective|unknowns|inference|reconstruction).*": "what `ruptfx gradient`, `infer` and `reconstruct` do",
     r"plugins": "files that define kinds; what they define counts",
     r"output\.figures": "whether figures are drawn",
     r"output\.checkpoint_(minutes|steps)": "when a run may go on from; the records are the same",

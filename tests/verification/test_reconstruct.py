@@ -195,6 +195,9 @@ def test_lengths_of_the_prior_maximise_the_likelihood() -> None:
     found = likeliest(known, rows, position, times)
     for name, value in {"amplitude": 3.0, "length": 1.2, "time": 2.5}.items():
         assert value / 1.5 < found[name] < 1.5 * value, name
+    # No length is shorter than twice the distance of the points that are seen.
+    uneven = Rows(kernels, kernel, lag, random.normal(size=600), np.full(600, 0.1))
+    assert likeliest(known, uneven, position, times)["length"] >= 2 * 10 / 19 * (1 - 1e-9)
     assert likeliest(known | {"length": 2.0}, rows, position, times)["length"] == 2.0
 
 
@@ -325,7 +328,7 @@ def test_refusals_name_keys_and_remedies() -> None:
     blind = [{**terms[3], "end": 1.25e-6}, *terms[:3]]
     far = case.changed("mesh.height", 16e-3).changed("instruments.3.point", [31e-3, 15e-3])
     text = refused(far.changed("objective", blind))
-    assert "objective.0: 'body'" in text and "channels" in text
+    assert "objective.0: 'body, velocity'" in text and "channels" in text
     late = [{**terms[0], "times": (TIMES + 5e-6).tolist()}]
     assert "objective.0.times" in refused(case.changed("objective", late))
     irregular = [{**terms[0], "times": (TIMES + 1e-8 * np.sin(TIMES * 1e9)).tolist()}]

@@ -49,7 +49,7 @@ class Prior:
     @property
     def size(self) -> int:
         """Number of coefficients."""
-        return self.space.shape[1] * self.time.shape[1]
+        return int(self.space.shape[1] * self.time.shape[1])
 
     def fields(self, coefficients: Floats, weights: Floats | None = None) -> Floats:
         """Return slip rates at the knots, shape (..., knots, n).
@@ -135,18 +135,27 @@ class Posterior:
     """
 
     def __init__(self, prior: Prior, rows: Rows, columns: Floats | None = None) -> None:
-        from scipy.linalg import cho_factor, cho_solve, solve_triangular
+        from scipy.linalg import cho_factor, solve_triangular
 
         self.prior = prior
         extra = np.zeros((len(rows.values), 0)) if columns is None else columns / rows.sigma[:, None]
         self._design = np.hstack([rows.design(prior), extra])
         factor = cho_factor(self._design @ self._design.T + np.eye(len(rows.values)), lower=True)
-        self._scaled, self._solve = rows.values / rows.sigma, lambda values: cho_solve(factor, values)
+        self._rows, self._factor = rows, factor
         self._half = solve_triangular(factor[0], self._design, lower=True)  # W
-        mean = self._design.T @ self._solve(self._scaled)
+        mean = self.solution(rows.values)
         self.mean, self.extra = mean[: prior.size], mean[prior.size :]
         self.extra_deviation = np.sqrt(np.maximum(1 - np.sum(self._half[:, prior.size :] ** 2, axis=0), 0.0))
         self.fit = rows.sigma * (self._design @ mean)
+
+    def solution(self, values: Floats) -> Floats:
+        """Return the mean of the coefficients and further unknowns for other values of the data, shape (data,)."""
+        return np.asarray(self._design.T @ self._weights(values / self._rows.sigma))
+
+    def _weights(self, values: Floats) -> Floats:
+        from scipy.linalg import cho_solve
+
+        return np.asarray(cho_solve(self._factor, values))
 
     def deviation(self, weights: Floats | None = None) -> Floats:
         """Return the posterior standard deviation of what `Prior.fields` returns, shape (times, n)."""
@@ -165,15 +174,18 @@ class Posterior:
         """Return samples of the coefficients, shape (count, coefficients)."""
         random = np.random.default_rng(seed)
         start = random.normal(size=(count, self._design.shape[1]))
-        noise = random.normal(size=(count, len(self._scaled)))
-        residuals = self._scaled - start @ self._design.T - noise
-        return np.asarray(start + self._solve(residuals.T).T @ self._design)[:, : self.prior.size]
+        noise = random.normal(size=(count, len(self._rows.values)))
+        residuals = self._rows.values / self._rows.sigma - start @ self._design.T - noise
+        return np.asarray(start + self._weights(residuals.T).T @ self._design)[:, : self.prior.size]
 
 
 def likeliest(
     known: dict[str, float | None], rows: Rows, position: Floats, times: Floats, seed: int = 0
 ) -> dict[str, float]:
     """Return amplitude, length and time of the prior; those that are None maximise the likelihood of the data.
+
+    The length is at least twice the mean distance of the points that sensors see best: with a shorter one the interface
+    would slip in front of each sensor and nowhere else.
 
     Parameters
     ----------
@@ -218,8 +230,10 @@ def likeliest(
 
     logarithms = np.log([extents[name] / 8 for name in free])
     if free:
-        lowest = np.log([{"length": np.diff(np.sort(position)).mean(), "time": np.diff(times).mean()}[n] for n in free])
+        shortest = {"length": _spacing(rows.kernels, position), "time": float(np.diff(times).mean())}
+        lowest = np.log([shortest[name] for name in free])
         highest = np.log([2 * extents[name] for name in free])
+        logarithms = np.clip(logarithms, lowest, highest)
         logarithms = minimize(
             lambda at: best(lengths_of(np.clip(at, lowest, highest)))[0], logarithms, method="Nelder-Mead",
             options={"xatol": 0.05, "fatol": 0.1, "maxfev": 40 * len(free)},
@@ -227,3 +241,9 @@ def likeliest(
         logarithms = np.clip(logarithms, lowest, highest)
     lengths = lengths_of(logarithms)
     return {"amplitude": best(lengths)[1], **lengths}
+
+
+def _spacing(kernels: Floats, position: Floats) -> float:
+    """Return twice the mean distance of the points that sensors see best [m], an eighth of the line for one point."""
+    seen = np.unique(position[np.argmax(np.sum(kernels**2, axis=1), axis=1)[np.any(kernels != 0, axis=(1, 2))]])
+    return 2 * float(np.ptp(seen)) / (len(seen) - 1) if len(seen) > 1 else float(np.ptp(position)) / 8

@@ -218,7 +218,8 @@ class Reconstruction(Part):
     """Prior of the slip rate of an interface in `ruptfx reconstruct`, and its output.
 
     The slip rate is a Gaussian random field of mean zero with Matern covariances of order 5/2 in space and time.
-    Amplitude, length and time that are not given maximise the likelihood of the data.
+    Amplitude, length and time that are not given maximise the likelihood of the data, with a length of at least twice
+    the mean distance of the points that sensors see best.
     """
 
     amplitude: Speed | None = None
