@@ -5,8 +5,8 @@ with noise of 2 % of their largest value. The data come from a mesh with half th
 that of the reconstruction. In 40 experiments the slip rate is a random field with the lengths of the prior: bands of
 the exact posterior contain 68 % of the truth in the mean over points, times and experiments if mesh, impulse responses
 and posterior are right. Tractions of runs with the mean slip rate are compared where the deviation of runs with samples
-is below 5 % of their largest change. A spontaneous rupture with linear slip weakening is no such field and has no
-nominal part: its final slip is compared, and what its bands contain over 40 realisations of the noise is in the figure.
+is below 5 % of their largest change. A spontaneous rupture with linear slip weakening is no such field: lengths that
+maximise the likelihood give the part of it in bands and its final slip, over 40 realisations of the noise.
 """
 
 from __future__ import annotations
@@ -188,7 +188,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
                                 "largest change", 0.0, traction, CLOSE, "1", "runs that made the data"))  # fmt: skip
     made = rupture(data, twin)
     checks += [
-        Check("final slip of a rupture where it is known, RMS error over the largest", 0.0, made["slip"], 0.05, "1",
+        Check(f"slip rates of a rupture within 68 % bands where it is known, {SEEDS} realisations of the noise", 68.0,
+              100 * float(made["part"]), 4.0, "%", "normal distribution"),
+        Check("final slip of a rupture where it is known, RMS error over the largest", 0.0, float(made["slip"]), 0.05, "1",
               "run that made the data"),
         Check("CPU time of both set-ups with 16 responses each", 60.0, set_up, 0.0, "s", "", "at most", timing=True),
     ]  # fmt: skip

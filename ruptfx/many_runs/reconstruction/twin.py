@@ -86,7 +86,7 @@ class Knots:
     @property
     def times(self) -> Floats:
         """Times of the knots [s], shape (count,)."""
-        return self.begin + self.interval * (1.0 + np.arange(self.count))
+        return np.asarray(self.begin + self.interval * (1.0 + np.arange(self.count)), np.float64)
 
     @property
     def steps(self) -> int:
@@ -244,7 +244,7 @@ class Twin:
                 start = knots.first + 1 + step
                 steps[start:] += weight * values[: len(steps) - start]
             series[clock] = steps
-        times = knots.begin + knots.interval * (np.arange(knots.count) + phase)
+        times = knots.times + knots.interval * (phase - 1.0)
         return readings.trace_of(number, series, times)
 
     def run(self, readings: Readings, slip_rate: Floats | None = None, tell: Told = lambda done, text: None) -> Motion:
