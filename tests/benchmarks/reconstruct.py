@@ -190,8 +190,8 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     checks += [
         Check(f"slip rates of a rupture within 68 % bands where it is known, {SEEDS} realisations of the noise", 68.0,
               100 * float(made["part"]), 4.0, "%", "normal distribution"),
-        Check("final slip of a rupture where it is known, RMS error over the largest", 0.0, float(made["slip"]), 0.05, "1",
-              "run that made the data"),
+        Check("final slip of a rupture where it is known, RMS error over the largest", 0.0, float(made["slip"]), 0.05,
+              "1", "run that made the data"),
         Check("CPU time of both set-ups with 16 responses each", 60.0, set_up, 0.0, "s", "", "at most", timing=True),
     ]  # fmt: skip
     return Outcome(checks, lambda: _draw(made, twin))
