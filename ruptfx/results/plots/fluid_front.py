@@ -15,8 +15,10 @@ LEVEL = 0.02
 
 
 def suits(record: Files) -> bool:
-    """Return whether the run slipped on an interface whose pore pressure has changed."""
-    return slid(record) and "pore_pressure" in record.interface and bool(_risen(record.interface).any())
+    """Return whether the run slipped on an interface whose pore pressure has risen, and not by the heat of friction."""
+    if not slid(record) or "frictional_heat" in record.interface:
+        return False
+    return "pore_pressure" in record.interface and bool(_risen(record.interface).any())
 
 
 @figure
