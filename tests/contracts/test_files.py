@@ -135,7 +135,7 @@ def keys_of_files() -> Iterator[str]:
 
 def test_every_key_that_names_a_file_has_a_case_here() -> None:
     # `data`, `variable` and `names` tell of the file of another key; files of a study are no keys of a run.
-    others = {"misfits.Traces.data", "profiles.SurfaceTable.variable", "meshes.GmshFile.names"}
+    others = {"misfits.Traces.data", "misfits.Traces.map", "profiles.SurfaceTable.variable", "meshes.GmshFile.names"}
     assert {key for key in keys_of_files() if ".Study." not in key} - others == set(TABLES)
 
 

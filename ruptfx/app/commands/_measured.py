@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from ruptfx import RuptfxError
 from ruptfx.app.commands._shared import screen
 from ruptfx.input.quantities import with_prefix
 
@@ -19,9 +21,21 @@ MOST = 8  # panels of a figure
 
 
 def show(
-    run: Path, file: Path, instrument: str | None, channel: str | None, most: float | None, shift: float, out: Path
-) -> None:
+    run: Path, file: Path, instrument: str | None, channel: str | None, most: float | None, shift: float, out: Path,
+    mapping: Path | None = None,
+) -> None:  # fmt: skip
     """Print misfits and time shifts of measured signals, and save a figure with both."""
+    if mapping is not None:
+        from ruptfx.input.data_files import as_csv, mapping_of
+
+        with TemporaryDirectory() as folder:
+            columns = Path(folder) / f"{file.stem}.csv"
+            try:
+                as_csv(file, mapping_of(mapping, instrument), columns)
+            except ValueError as error:
+                raise RuptfxError(str(error)) from None
+            show(run, columns, instrument, channel, most, shift, out)
+        return
     from ruptfx.app.convert.scec_files import channels
     from ruptfx.results.analysis.measured import compare_with_file
     from ruptfx.results.record import Files

@@ -62,6 +62,10 @@ def compare(
         str | None,
         typer.Option(metavar="<time>", help="Time of the run minus that of the measured signals, as '-1234.5 s'."),
     ] = None,
+    map_: Annotated[
+        Path | None,
+        typer.Option("--map", help="Case or TOML file with the mapping of the arrays, as data prints it."),
+    ] = None,
     interface: Interface = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Also numbers that agree.")] = False,
     overwrite: Overwrite = False,
@@ -82,16 +86,17 @@ def compare(
             raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
         if is_measured and interface:
             raise RuptfxError(f"{second}: a file of measured signals; --interface is for two runs")
-        if not is_measured and (instrument or channel or most_shift or time_shift):
+        if not is_measured and (instrument or channel or most_shift or time_shift or map_):
             raise RuptfxError(
-                f"{second}: no file; --instrument, --channel, --most-shift and --time-shift are for measured signals"
+                f"{second}: no file; --instrument, --channel, --most-shift, --time-shift and --map are for measured "
+                "signals"
             )
         with writing(path.parent, [second] * is_measured, overwrite) as files:
             if is_measured:
                 from ruptfx.app.commands._measured import show
 
                 shift = seconds("--time-shift", time_shift) or 0.0
-                show(first, second, instrument, channel, largest_shift, shift, files.claim(path.name))
+                show(first, second, instrument, channel, largest_shift, shift, files.claim(path.name), map_)
             else:
                 _compare_runs(first, second, interface, files.claim(path.name), verbose)
         screen.print(f"Picture: {path}", soft_wrap=True)

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
+from ruptfx.input.data_files import Column, mapped
 from ruptfx.input.netcdf_units import opened, unit_and_factor, unpacked
 from ruptfx.input.quantities import factor, si_and_units
 from ruptfx.input.schema import CaseError, Name, Unit, nearest
@@ -48,7 +49,10 @@ class Traces(Misfit):
     instrument: Name
     """Name of the instrument."""
     file: str | None = None
-    """CSV or NetCDF file, such as `instruments.h5`, relative to the case file."""
+    """CSV or NetCDF file, such as `instruments.h5`, relative to the case file; with `map` also another HDF5 file or one
+    of MATLAB."""
+    map: dict[str, Column] = {}
+    """Place of `time` and of each channel in the file, where it has other names; `ruptfx data` proposes it."""
     times: list[float] = []
     """Times of the data [s], in place of a file."""
     data: dict[str, list[float]] = {}
@@ -99,9 +103,19 @@ class Traces(Misfit):
         if values.get("data") or values.get("times"):
             raise ValueError("give either a file, or times, data and units")
         path = Path((info.context or {}).get("directory") or ".", values["file"])
-        read = _from_run if path.suffix in (".h5", ".nc") else _from_text
-        times, data, units = read(path, str(values.get("instrument")), values.get("channels"))
-        entries = {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
+        if values.get("map"):
+            columns = {str(name): Column.model_validate(each) for name, each in dict(values["map"]).items()}
+            seconds, arrays, units = mapped(path, columns)
+            times, data = seconds.tolist(), {name: each.tolist() for name, each in arrays.items()}
+        else:
+            read = _from_run if path.suffix in (".h5", ".nc") else _from_text
+            times, data, units = read(path, str(values.get("instrument")), values.get("channels"))
+        entries = {
+            **{k: v for k, v in values.items() if k not in ("file", "map")},
+            "times": times,
+            "data": data,
+            "units": units,
+        }
         result = handler(entries)
         result.__dict__["_read_from"] = str(path)
         return result
@@ -113,6 +127,8 @@ class Traces(Misfit):
 
     @model_validator(mode="after")
     def _complete(self) -> Traces:
+        if self.map:
+            raise ValueError("map: names places in a file; add the file, or remove map")
         if not self.data or len(self.times) < 1:
             raise ValueError("there are no data; give a file, or times, data and units")
         if len(late := np.flatnonzero(np.diff(self.times) <= 0)):

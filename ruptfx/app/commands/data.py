@@ -1,0 +1,67 @@
+"""`ruptfx data`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from ruptfx.app.commands._shared import reported, screen, table_console
+
+if TYPE_CHECKING:
+    from ruptfx.input.data_files import Variable
+
+HEADING = "Post-process"
+
+
+def data(
+    file: Annotated[
+        Path, typer.Argument(help="CSV, NetCDF, HDF5 or MATLAB file, or a folder with one file per event.")
+    ],
+    instrument: Annotated[str, typer.Option(help="Instrument of the case, for the proposed mapping.")] = "NAME",
+) -> None:
+    """Print what is in a data file, and propose the mapping with which compare, infer and gradient read it.
+
+    Example: ruptfx data event_12.mat --instrument G1
+    """
+    with reported():
+        from ruptfx import RuptfxError
+        from ruptfx.input.data_files import contents, events_of
+        from ruptfx.input.data_guesses import guess, proposal
+
+        try:
+            files = events_of(file) if file.is_dir() else [file]
+            variables = contents(files[0])
+            others = [path for path in files[1:] if _names(contents(path)) != _names(variables)]
+        except ValueError as error:
+            raise RuptfxError(str(error)) from None
+        if not variables:
+            raise RuptfxError(f"{files[0]}: has no arrays of numbers with one or two dimensions; give another file")
+        if len(files) > 1:
+            screen.print(f"{len(files)} files; the arrays are those of {files[0].name}", soft_wrap=True)
+        if others:
+            shown = ", ".join(path.name for path in others[:3])
+            screen.print(f"{len(others)} of them have other arrays or widths: {shown}", soft_wrap=True)
+        length = max(each.shape[0] for each in variables)
+        table = Table("array", "shape", "unit", "kind", "from", "to", "rate", box=None, pad_edge=False)
+        for each in variables:
+            known = guess(each, length)
+            unit = f"{known.unit}?" if known.is_guess else known.unit
+            rate = f"{known.rate:.6g} Hz" if known.rate is not None else ""
+            shape = " x ".join(map(str, each.shape))
+            table.add_row(
+                each.name, shape, unit, known.kind, f"{each.values.min():.6g}", f"{each.values.max():.6g}", rate
+            )
+        table_console().print(table)
+        screen.print("\nProposed mapping, ? is a guess; rename channels to those of the instrument:\n", soft_wrap=True)
+        lines = proposal(variables, instrument)
+        name = files[0].as_posix().replace("\\", "/")
+        for line in [*lines[:3], f'file = "{name}"', *lines[3:]]:
+            screen.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _names(variables: list[Variable]) -> list[tuple[str, tuple[int, ...]]]:
+    """Return names and widths, which files of one series have in common; their lengths may differ."""
+    return [(each.name, each.shape[1:]) for each in variables]
