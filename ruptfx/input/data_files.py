@@ -214,7 +214,7 @@ def mapped(
 def _numbers(
     path: Path, variables: Mapping[str, Variable], name: str, column: Column, unit: str | None
 ) -> tuple[np.ndarray, str]:
-    if column.variable not in variables:
+    if column.variable is None or column.variable not in variables:
         hint = nearest(str(column.variable), list(variables))
         raise ValueError(f"{path}: map.{name}.variable = '{column.variable}': no such array, {hint}")
     variable = variables[column.variable]

@@ -102,8 +102,8 @@ def proposal(variables: Sequence[Variable], instrument: str = "NAME") -> list[st
     rates = [each for each in variables if guesses[each.name].kind == "rate"]
     lines = []
     if times:
-        each = guesses[times[0]]
-        lines.append(f'map.time = {{ variable = "{times[0]}", unit = "{each.unit}" }}{_mark(each)}')
+        clock = guesses[times[0]]
+        lines.append(f'map.time = {{ variable = "{times[0]}", unit = "{clock.unit}" }}{_mark(clock)}')
     elif rates:
         value = float(rates[0].values.ravel()[0])
         lines.append(f'map.time = {{ rate = "{value:.10g} Hz" }}   # from {rates[0].name}')
