@@ -17,9 +17,10 @@ from helpers.small_cases import HOMALITE, branched, impact, march, merged, plate
 from helpers.whole_runs import run_on, whole_and_resumed, write
 
 from benchmarks.precision import energy_drift, impact_errors, slow_errors
+from ruptfx.app.check_law.examples import table
 from ruptfx.bodies import operators
 from ruptfx.case import Case, parse_case
-from ruptfx.input.schema import CaseError
+from ruptfx.input.schema import CaseError, alternatives
 from ruptfx.platform import fem
 from ruptfx.platform.codegen.native import SINGLE, address
 from ruptfx.results.record import Record
@@ -38,6 +39,8 @@ MEMORY = {"default": {
     **HOMALITE, "kind": "standard_linear_solids", "Q_p": 25.0, "Q_s": 15.0, "lowest_frequency": 5e4,
     "frequency_ratio": 10.0,
 }}  # fmt: skip
+ORTHOTROPIC = {"default": table(alternatives("ruptfx.laws.materials")["orthotropic_elastic"])}
+ORTHOTROPIC["default"]["kind"] = "orthotropic_elastic"
 CASES: dict[str, dict[str, Any]] = {
     "quadrilaterals": plates(PUSHED),
     "order 1": plates({**PUSHED, "order": 1}),
@@ -50,25 +53,30 @@ CASES: dict[str, dict[str, Any]] = {
     "antiplane": plates({
         **PUSHED, "plane": "antiplane", "boundaries": [{**PUSHED["boundaries"][0], "component": "z"}],
     }),
+    "axisymmetric": plates({
+        **PUSHED, "plane": "axisymmetric", "boundaries": None, "initial_velocity": {"matrix": [1.0, 0.0]},
+        "mesh": {"kind": "fibre_in_matrix", "radius": 4e-3, "outer_radius": 8e-3, "length": 4e-3, "element_size": 2e-3},
+    }),
+    "orthotropic": plates({**PUSHED, "materials": ORTHOTROPIC, "boundaries": PUSHED["boundaries"][:1]}),
     "varying": plates({**PUSHED, "materials": LAYERED}),
     "memory": plates({**PUSHED, "materials": MEMORY}),
     "solid": strike_slip(),
 }  # fmt: skip
 
 
-def case_of(table: dict[str, Any], changes: dict[str, Any] | None = None) -> Case:
+def case_of(tables: dict[str, Any], changes: dict[str, Any] | None = None) -> Case:
     """The case of a table with other values of dotted keys."""
-    case = parse_case(merged(table, changes or {}))
+    case = parse_case(merged(tables, changes or {}))
     assert isinstance(case, Case)
     return case
 
 
-def both(table: dict[str, Any]) -> tuple[Any, Any]:
+def both(tables: dict[str, Any]) -> tuple[Any, Any]:
     """States after the same steps in both precisions, with the energies of the last step."""
     result = []
     step: dict[str, float] = {}
     for name in ("double", "single"):
-        model, motion, state = march(case_of(table, {"precision": name, **step}))
+        model, motion, state = march(case_of(tables, {"precision": name, **step}))
         state.wants_energies, step = True, {"stepper.time_step": motion.dt}
         motion.step(state)
         assert state.velocity.dtype == model.real and state.displacement.dtype == np.float64
