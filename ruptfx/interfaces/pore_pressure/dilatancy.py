@@ -76,4 +76,4 @@ class Drained(Contribution):
         x = heating.elapsed / self._drainage
         part = x**3 / 12 if x < BRIEF else 0.5 * x * (1 + np.exp(-x)) + np.expm1(-x)
         growth = (heating.aged / heating.elapsed - heating.ageing) / heating.elapsed
-        return np.abs(self._per_age * growth) * self._drainage**2 * part
+        return np.asarray(np.abs(self._per_age * growth) * self._drainage**2 * part)
