@@ -205,7 +205,7 @@ def mapped(
         times = numbers * float(factor(unit, "s"))
     for name, values in data.items():
         if len(values) != len(times):
-            raise ValueError(f"{path}: map.{name} has {len(values)} samples and the time {len(times)}; map arrays of "
+            raise ValueError(f"{path}: map.{name} has {len(values)} samples and the time {len(times)}; give arrays of "
                              "one length")  # fmt: skip
     require_increasing(times, range(1, len(times) + 1), path)
     return times, data, units
