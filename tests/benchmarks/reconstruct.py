@@ -25,6 +25,7 @@ from ruptfx.case import Case
 from ruptfx.many_runs.reconstruction.experiment import Experiment
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, likeliest
 from ruptfx.many_runs.reconstruction.twin import Twin
+from ruptfx.readings.misfits.traces import Traces
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -148,7 +149,8 @@ def rupture(fine: Bodies, coarse: Bodies) -> dict[str, Floats | float]:
             fields[name] = np.array([np.interp(coarse.position, along, row) for row in np.array(in_time).T])
         readings = np.concatenate([
             np.interp(np.array(term.times), record.instruments[term.instrument]["time"].values,
-                      record.instruments[term.instrument]["extension_1"].values) for term in fine.case.objective
+                      record.instruments[term.instrument]["extension_1"].values)
+            for term in fine.case.objective if isinstance(term, Traces)
         ])  # fmt: skip
     clean = readings - np.concatenate([sample.values for sample in coarse.still.samples])
     sigma, random = NOISE * float(np.abs(clean).max()), np.random.default_rng(5)

@@ -23,7 +23,13 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import reconstruct
 from ruptfx.many_runs.reconstruction.experiment import Experiment
-from ruptfx.many_runs.reconstruction.figures import FIGURES, front
+from ruptfx.many_runs.reconstruction.figures import (
+    FIGURES,
+    draw_friction,
+    draw_information,
+    draw_slip_rate,
+    front,
+)
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest
 from ruptfx.many_runs.reconstruction.result import Curves, Reconstruction
 from ruptfx.many_runs.reconstruction.twin import Knots, Twin
@@ -311,6 +317,24 @@ def test_numbers_of_a_known_front() -> None:
     slip, traction = made.curves.slip[0, :, 10], made.curves.shear_traction[0, :, 10]
     assert work == pytest.approx(np.sum((traction - 1.0) * made.mean[:, 10]))
     assert np.ptp(slip) > 0.5
+
+
+def test_figures_show_the_numbers() -> None:
+    made = synthetic()
+    top, below, _ = draw_information(made).axes
+    np.testing.assert_allclose(top.lines[0].get_ydata(), made.known)
+    (mesh,) = below.collections
+    np.testing.assert_allclose(np.asarray(mesh.get_array()).reshape(10, 21), made.information)
+    left, right = draw_slip_rate(made).axes[:2]
+    for ax, values in ((left, made.mean), (right, made.deviation)):
+        np.testing.assert_allclose(np.asarray(ax.collections[0].get_array()).reshape(10, 21), values)
+    np.testing.assert_allclose(left.lines[0].get_xdata(), front(made)[0])
+    traction, *others = draw_friction(made).axes
+    place = made.places[0]
+    curve = next(line for line in traction.lines if line.get_label() == "mean")
+    np.testing.assert_allclose(curve.get_ydata(), np.abs(made.curves.shear_traction[0, :, place]))
+    assert len(others) == 2 * len(made.places) - 1
+    assert all(2.0 <= made.position[each] <= 8.0 for each in made.places[1:-1])
 
 
 def refused(case: Case) -> str:
