@@ -33,6 +33,7 @@ def solid(*boundaries: dict[str, Any]) -> dict[str, Any]:
                         "boundaries": list(boundaries), "mesh.element_size": 4e-3})  # fmt: skip
 
 
+PRESSED = {"kind": "traction", "edge": "upper.top", "traction": [0.0, -1e5]}
 FAR = [drive("plus.far", "x", 1e-3), drive("minus.far", "x", -1e-3)]
 CASES = {
     "nothing": (flat(), ["translation along x", "translation along y", "rotation in the plane"], 3),
@@ -40,7 +41,7 @@ CASES = {
     "one side": (flat(drive("upper.left", "y")), ["translation along x", "rotation in the plane"], 2),
     "top": (flat(drive("upper.top", "x", 1.0)), ["translation along y", "rotation in the plane"], 2),
     "two sides": (flat(drive("upper.top", "x", 1.0), drive("lower.bottom", "x")), ["translation along y"], 1),
-    "spring": (flat({"kind": "spring", "edge": "lower.bottom", "normal": 1e9}), ["translation along x"], 1),
+    "spring": (flat({"kind": "spring", "edge": "lower.bottom", "normal": 1e9}, PRESSED), ["translation along x"], 1),
     "far edges": (solid(*FAR), ["translation along y", "translation along z", "rotation about x"], 3),
     "all of the solid": (solid(), ["translation along x", "translation along y", "translation along z",
                                    "rotation about x", "rotation about y", "rotation about z"], 6),

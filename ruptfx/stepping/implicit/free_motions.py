@@ -214,14 +214,16 @@ def _null(rows: np.ndarray) -> np.ndarray:
 def refuse_free_bodies(model: System) -> None:
     """Refuse bodies with rigid motions that nothing resists; collective.
 
-    Without any boundary no force moves the bodies as a whole; a factorisation then leaves them where they are.
+    Without loads and driven edges no force moves the bodies as a whole; a factorisation then leaves them where they
+    are.
 
     Raises
     ------
     CaseError
         Names bodies, motions, and edges that would hold them.
     """
-    if not model.case.boundaries and is_factorised(model):
+    loads = model.loads
+    if not (loads.motions or loads.forces or loads.ended) and is_factorised(model):
         return
     motions = RigidMotions(model)
     free = motions.free()
