@@ -9,7 +9,8 @@ from itertools import product
 from typing import Any, get_args
 
 import pytest
-from helpers.crack_cases import HERE, block, faulted
+from helpers.crack_cases import HERE, faulted
+from helpers.crack_cases import block as torn_block
 from helpers.messages import facts, facts_of
 from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates, required, strike_slip
 from typer.testing import CliRunner
@@ -37,6 +38,14 @@ AGEING = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "
 BOND = {"kind": "linear", "f_t": 1e6, "c": 2e6, "G_Ic": 10.0, "G_IIc": 20.0}
 SIDES = [{"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"} for body in ("lower", "upper")]
 PUSH = {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 1.0}
+STEADY = {"kind": "driven", "edge": "rock.bottom", "component": "x", "velocity": 0.0}
+
+
+def block(changes: dict[str, Any]) -> dict[str, Any]:
+    """Return the block that is torn apart, with a support along x, which steps without inertia need."""
+    return torn_block({"boundaries": [*torn_block()["boundaries"], STEADY]} | changes)
+
+
 ABSORBS = {"kind": "absorbing", "edge": "upper.left"}
 SMALL = {
     "order": 1, "duration": 2e-6, "mesh": {"kind": "two_plates", "length": 4e-3, "height": 2e-3, "element_size": 1e-3},
