@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
@@ -108,6 +108,10 @@ class CaseTables(Protocol):
     @property
     def initial_velocity(self) -> Mapping[str, Sequence[float]]:
         """Initial velocity of bodies [m/s]."""
+
+    @property
+    def faults(self) -> Mapping[str, Any]:
+        """Tables of the interfaces by name."""
 
     @property
     def order(self) -> int:

@@ -156,10 +156,12 @@ class Readings:
             By clock.
         times : ndarray, shape (times,)
         """
+        request = self.requests[number]
+        assert isinstance(request, Trace)
         total = np.zeros((len(times), next(iter(series.values())).shape[1]))
         for clock, values in series.items():
             own, raw = self._clock(clock, values)
-            known = filtered(own, raw, self.requests[number].bandwidth)
+            known = filtered(own, raw, request.bandwidth)
             after, part = _between(times, own)
             total += known[after - 1] * (1 - part)[:, None] + known[after] * part[:, None]
         return total

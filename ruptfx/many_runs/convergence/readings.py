@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -88,7 +88,7 @@ def of_signal(time: np.ndarray, signal: np.ndarray) -> Iterator[tuple[str, float
     yield "rms", float(np.sqrt(np.mean(change**2)))
 
 
-def shared(levels: list[Mapping[str, Reading]]) -> Iterator[tuple[str, str, list[float]]]:
+def shared(levels: Sequence[Mapping[str, Reading]]) -> Iterator[tuple[str, str, list[float]]]:
     """Yield name, unit and values of the numbers that every level has."""
     for name, reading in levels[0].items():
         if all(name in level for level in levels):

@@ -169,16 +169,15 @@ class ModelReadings:
         shared = parallel.share_rows(comm, np.concatenate(rows))
         on = shared[:, 0] >= 0
         if not on.any() or np.abs(shared[~on, 1]).sum() > OFF:
-            rows_of_nodes = np.column_stack([face.number, face.points])[face.owned]
-            nodes = parallel.share_rows(comm, rows_of_nodes)
-            away = np.linalg.norm(nodes[:, 1:] - np.asarray(point), axis=1)
+            near = parallel.share_rows(comm, np.column_stack([face.number, face.points])[face.owned])
+            away = np.linalg.norm(near[:, 1:] - np.asarray(point), axis=1)
             best = int(np.argmin(away))
             # Digits enough that the remedy is accepted.
-            here, there = ("(" + ", ".join(f"{v:.12g}" for v in each) + ") m" for each in (point, nodes[best, 1:]))
+            here, there = ("(" + ", ".join(f"{v:.12g}" for v in each) + ") m" for each in (point, near[best, 1:]))
             if away[best] <= 0.5 * self._facet_edge(fault):
                 moved = f", at the nearest node, {there}, {away[best]:.4g} m away"
                 LOG.warning("%s.point = %s is beside the interface%s", key, here, moved)
-                return {int(nodes[best, 0]): 1.0}, moved
+                return {int(near[best, 0]): 1.0}, moved
             raise CaseError(
                 f"{key}.point = {here}: is not on interface '{fault.name}', or in an element at its welded end; use "
                 f"its nearest node, {there}"

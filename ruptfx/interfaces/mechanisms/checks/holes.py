@@ -80,5 +80,5 @@ def _inside_loops(points: np.ndarray, rim: np.ndarray, corners: int) -> np.ndarr
     graph = coo_array((np.ones(len(rim)), rim.T), shape=(len(points), len(points)))
     _, piece = connected_components(graph, directed=False)
     size = np.bincount(piece[rim[:, 0]], minlength=piece.max(initial=0) + 1)
-    loops = np.flatnonzero(size == corners) if np.count_nonzero(size) > 1 else []
+    loops = np.flatnonzero((size == corners) & (np.count_nonzero(size) > 1))
     return np.array([points[np.isin(piece, loop)].mean(axis=0) for loop in loops]).reshape(-1, points.shape[1])
