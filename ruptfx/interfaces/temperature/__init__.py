@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ruptfx.input.schema import alternative
+from ruptfx.input.schema import Alternative, alternative
 from ruptfx.interfaces.field_table import FieldTable
 
 
-class Temperature(FieldTable):
+class Temperature(FieldTable, Alternative):
     """Contract of a temperature."""
 
 
