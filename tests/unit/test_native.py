@@ -154,3 +154,12 @@ def test_code_that_crashes_a_compiler_is_optimised_less(
         else:
             with pytest.raises(RuptfxError, match=facts("cc cannot compile seven.c: .*isel")):
                 native.load("seven", SEVEN)
+
+
+def test_a_macro_that_another_source_has_is_refused(tmp_path: Path, use: Callable[[Path], Path]) -> None:
+    """The later one would change the code of the earlier one, with a warning that nobody reads."""
+    use(tmp_path)
+    source = "#define PARTS 1\nint number(void) { return PARTS; }\n"
+    assert native.load("parts", source).number() == native.load("parts", source, {"PARTS": 1}).number() == 1
+    with pytest.raises(RuptfxError, match=facts("cannot compile parts.c: .*PARTS.*redefined")):
+        native.load("parts", source, {"PARTS": 3})

@@ -351,7 +351,7 @@ INLINE void gather_displacement(const double *field, const int *dof, four *trans
     x[2] = IN_FOURS(IN_FOURS(row[0], row[1], 2, 18, 3, 19), IN_FOURS(row[2], row[3], 2, 18, 3, 19), 0, 1, 16, 17);
 }
 #else
-#define TRANSLATION wide translation[COMPONENTS * PARTS]
+#define TRANSLATION wide translation[COMPONENTS * HALVES]
 
 INLINE void gather_displacement(const double *field, const int *dof, wide *translation, const int is_first,
                                 lanes x[COMPONENTS])
@@ -360,12 +360,12 @@ INLINE void gather_displacement(const double *field, const int *dof, wide *trans
     (void)translation, (void)is_first;
     gather_wide(field, dof, x);
 #else
-    wide of_parts[PARTS][COMPONENTS];
-    UNROLL for (int p = 0; p < PARTS; p++) gather_wide(field, dof + p * WIDE, of_parts[p]);
+    wide of_parts[HALVES][COMPONENTS];
+    UNROLL for (int p = 0; p < HALVES; p++) gather_wide(field, dof + p * WIDE, of_parts[p]);
     UNROLL for (int c = 0; c < COMPONENTS; c++) {
-        wide y[PARTS];
-        UNROLL for (int p = 0; p < PARTS; p++) {
-            wide *const without = translation + c * PARTS + p;
+        wide y[HALVES];
+        UNROLL for (int p = 0; p < HALVES; p++) {
+            wide *const without = translation + c * HALVES + p;
             if (is_first) *without = AXISYMMETRIC && c == 1 ? (wide){0} : of_parts[p][c];
             y[p] = of_parts[p][c] - *without;
         }

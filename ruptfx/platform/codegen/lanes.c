@@ -13,7 +13,7 @@
 #endif
 #define LANES (VECTOR / LANE)
 #define WIDE (VECTOR / 8)
-#define PARTS (LANES / WIDE)
+#define HALVES (LANES / WIDE)
 #define INLINE static inline __attribute__((always_inline))
 #define UNROLL _Pragma("GCC unroll 16")
 #define KEEP _Pragma("GCC unroll 1")
@@ -90,7 +90,7 @@ typedef double two_floats __attribute__((aligned(4), may_alias));  // as one num
 
 INLINE wide widen(const few x) { return __builtin_convertvector(x, wide); }
 INLINE few narrow(const wide x) { return __builtin_convertvector(x, few); }
-INLINE lanes narrowed(const wide x[PARTS]) { return __builtin_shufflevector(narrow(x[0]), narrow(x[1]), FIRST, SECOND); }
+INLINE lanes narrowed(const wide x[HALVES]) { return __builtin_shufflevector(narrow(x[0]), narrow(x[1]), FIRST, SECOND); }
 
 INLINE void gather_couples(const float *field, const int *dof, lanes x[2])
 {

@@ -197,7 +197,8 @@ def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if "internal compiler error" in done.stderr:  # gcc 12 crashes on vectors of comparisons before SSE 4.1
                 done = subprocess.run([*command, "-O2"], capture_output=True, text=True, check=False)
-            if done.returncode == 0:
+            # A macro of one source that another one has, too, changes its code: no warning may hide that.
+            if done.returncode == 0 and "redefined" not in done.stderr:
                 break
             refusals.append(done.stderr.strip())
         else:
