@@ -439,7 +439,7 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
     _implicit_facets,
     Row("large_rotations", "{stepper} is for small rotations", swap=BY_STEPPER, drop=("large_rotations",)),
     Row("precision", "'single' is for explicit steps, not for {stepper}", swap=BY_STEPPER, drop=("precision",)),
-    *(Row("precision", reason, beside=feature, drop=("precision", feature)) for feature, reason in {
+    *(Row("precision", reason, beside=feature, drop=("precision",)) for feature, reason in {
         "fracture": "'single' is not for bodies that break: they must be bitwise identical on any number of ranks",
         "large_rotations": "'single' is for small rotations: the strain of bodies that turn has too few digits",
         "sliding": "'single' is not for surfaces that slide far, whose step computes with all velocities in double",

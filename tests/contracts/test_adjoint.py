@@ -47,7 +47,7 @@ def of_examples(kind: str, wrapped: str | None) -> dict[str, Any]:
     inner = law
     while "law" in inner:
         inner = inner["law"]
-    if {"theta_initial", "psi_initial"} & inner.keys():
+    if {"theta_initial", "psi_initial", "psi_1_initial"} & inner.keys():
         inner.pop("V_initial", None)
     return law
 

@@ -216,7 +216,7 @@ NUMBERS: dict[str, Remedy] = {
         lambda m: [{"instruments.0.position": number(m)}, {"instruments.0.position": number(m, 2)}]),
     "point of a receiver": Remedy(
         solid(mesh__height={"kind": "sinusoid", "mean": 0.0, "amplitude": 1e-4, "wavelength": 7e-3},
-              instruments=[{"kind": "fault_receiver", "name": "f", "interval": 1e-6, "point": [1e-3, 2e-4, -3e-3]}]),
+              instruments=[{"kind": "fault_receiver", "name": "f", "interval": 1e-6, "point": [1e-3, 4e-3, -3e-3]}]),
         rf"nearest node, \({N}, {N}, {N}\) m",
         lambda m: [{"instruments.0.point": [number(m), number(m, 2), number(m, 3)]}]),
     "point of a nucleation": Remedy(

@@ -341,7 +341,7 @@ INLINE void gather_displacement(const double *field, const int *dof, four *trans
         }
         const eight_floats low = __builtin_shufflevector(of_lane[0], of_lane[1], 0, 1, 2, 3, 4, 5, 6, 7);
         const eight_floats high = __builtin_shufflevector(of_lane[2], of_lane[3], 0, 1, 2, 3, 4, 5, 6, 7);
-        row[i] = __builtin_shufflevector(low, high, FIRST, SECOND);
+        row[i] = __builtin_shufflevector(low, high, LOWER, UPPER);
     }
 #define IN_FOURS(a, b, i, j, k, l) \
     __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4, i + 8, j + 8, k + 8, l + 8, i + 12, j + 12, k + 12, l + 12)

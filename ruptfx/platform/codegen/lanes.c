@@ -74,15 +74,15 @@ INLINE void gather_wide_couples(const double *field, const int *dof, wide x[2])
 typedef float couple __attribute__((vector_size(8), aligned(4)));
 typedef double two_floats __attribute__((aligned(4), may_alias));  // as one number, which is faster to load
 #if WIDE == 8
-#define FIRST 0, 1, 2, 3, 4, 5, 6, 7
-#define SECOND 8, 9, 10, 11, 12, 13, 14, 15
+#define LOWER 0, 1, 2, 3, 4, 5, 6, 7
+#define UPPER 8, 9, 10, 11, 12, 13, 14, 15
 #define EVEN 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30
 #define ODD 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31
 #define MIXED(n) n, 16 + n, n + 1, 17 + n, n + 2, 18 + n, n + 3, 19 + n, n + 4, 20 + n, n + 5, 21 + n, n + 6, 22 + n, \
     n + 7, 23 + n
 #else
-#define FIRST 0, 1, 2, 3
-#define SECOND 4, 5, 6, 7
+#define LOWER 0, 1, 2, 3
+#define UPPER 4, 5, 6, 7
 #define EVEN 0, 2, 4, 6, 8, 10, 12, 14
 #define ODD 1, 3, 5, 7, 9, 11, 13, 15
 #define MIXED(n) n, 8 + n, n + 1, 9 + n, n + 2, 10 + n, n + 3, 11 + n
@@ -90,7 +90,7 @@ typedef double two_floats __attribute__((aligned(4), may_alias));  // as one num
 
 INLINE wide widen(const few x) { return __builtin_convertvector(x, wide); }
 INLINE few narrow(const wide x) { return __builtin_convertvector(x, few); }
-INLINE lanes narrowed(const wide x[HALVES]) { return __builtin_shufflevector(narrow(x[0]), narrow(x[1]), FIRST, SECOND); }
+INLINE lanes narrowed(const wide x[HALVES]) { return __builtin_shufflevector(narrow(x[0]), narrow(x[1]), LOWER, UPPER); }
 
 INLINE void gather_couples(const float *field, const int *dof, lanes x[2])
 {
