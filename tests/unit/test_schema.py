@@ -236,8 +236,18 @@ def test_the_public_names_are_listed() -> None:
     """In a fresh process, where none of them has been used."""
     code = "import ruptfx; print(*dir(ruptfx))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    names = ["Case", "Record", "RuptfxError", "__version__", "gradient", "infer", "plots", "read_case",
-             "reconstruct", "simulate"]
+    names = [
+        "Case",
+        "Record",
+        "RuptfxError",
+        "__version__",
+        "gradient",
+        "infer",
+        "plots",
+        "read_case",
+        "reconstruct",
+        "simulate",
+    ]
     assert done.stdout.split() == names
 
 
