@@ -30,7 +30,7 @@ LONGEST = 1e5  # s of an experiment
 
 @dataclass(frozen=True)
 class Guess:
-    """What an array may be.
+    """Kind and unit that an array probably has.
 
     Attributes
     ----------
