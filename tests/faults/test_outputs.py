@@ -54,6 +54,7 @@ WRITERS = {
     "events, run": ["events", "cracked", "--csv"],
     "dic": ["dic", "before.png", "after.png"],
     "check-law": ["check-law", "coulomb", "--out", "laws"],
+    "export-law": ["export-law", "coulomb", "--to", "c", "--out", "exported"],
     "run, lumped": ["run", "slider.toml", "--out", "sliding"],
     "infer, lumped": ["infer", "fit.toml"],
     "bench": ["bench", "one", "--from", "own"],
@@ -62,11 +63,21 @@ WRITERS = {
     "study": ["study", "study.toml", "--cores", "1"],
     "infer": ["infer", "gradient.toml"],
     "gradient": ["gradient", "gradient.toml"],
+    "converge": ["converge", "case.toml", "--levels", "2", "--cores", "1"],
+    "reconstruct": ["reconstruct", "gauge.toml", "--responses", "../responses"],
 }
 """Arguments by command; behind a comma what is special. The last ones need DOLFINx."""
-NEED_FEM = ("mesh", "run", "study", "infer", "gradient")
-READERS = ("check", "cite", "describe", "list", "resume")  # `resume` writes into the directory of its run only
-OWN_DIRECTORY = ("demos", "run", "run, lumped", "infer", "infer, lumped", "study")  # begun only where nothing is
+NEED_FEM = ("mesh", "run", "study", "infer", "gradient", "converge", "reconstruct")
+READERS = ("check", "cite", "data", "describe", "list", "resume")  # `resume` writes into the directory of its run only
+OWN_DIRECTORY = (
+    "demos",
+    "run",
+    "run, lumped",
+    "infer",
+    "infer, lumped",
+    "study",
+    "converge",
+)  # begun only where nothing is
 NEVER_AGAIN = ("new", "demos", "convert", "run", "run, lumped")  # what they wrote is edited, or expensive
 MINE = b"MINE"
 
@@ -93,7 +104,14 @@ def run(fine, comm):
 '''
 
 
-LONG = ("study", "infer, lumped", "film", "run, lumped")  # commands that take seconds, at each of their runs
+LONG = (
+    "study",
+    "infer, lumped",
+    "film",
+    "run, lumped",
+    "converge",
+    "reconstruct",
+)  # commands that take seconds, at each of their runs
 
 
 def each_of(names: Iterable[str], slow: tuple[str, ...] = ()) -> pytest.MarkDecorator:
@@ -118,6 +136,18 @@ def table_of_gradient() -> dict[str, Any]:
                "unknowns": [{"key": "faults.main.friction.mu_d", "shape": "number"}],
                "inference.iterations": 1}  # fmt: skip
     return merged(slip_weakening(), changes)
+
+
+def table_of_gauge() -> dict[str, Any]:
+    """A strain gauge that has seen something, and lengths of the slip rate."""
+    gauge = {"kind": "strain_gauge", "name": "gauge", "interval": 1e-7, "point": [10e-3, 1.3e-3], "angles": [45.0]}
+    times = np.arange(3e-7, 2e-6, 3e-7)
+    data = {"kind": "traces", "instrument": "gauge", "times": times.tolist(), "sigma": 2e-6,
+            "units": {"extension_1": "1"}, "data": {"extension_1": (1e-5 * np.sin(2e6 * times)).tolist()}}  # fmt: skip
+    return slip_weakening({
+        "instruments": [gauge], "objective": [data], "output.figures": False,
+        "reconstruction": {"amplitude": 0.5, "length": 4e-3, "time": 1.2e-6, "samples": 2},
+    })  # fmt: skip
 
 
 def _write_trace(path: Path) -> None:
@@ -157,6 +187,7 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     case = merged(slip_weakening(), {"duration": 1e-6, "output.figures": False})
     (folder / "case.toml").write_text(tomli_w.dumps(case))
     (folder / "gradient.toml").write_text(tomli_w.dumps(table_of_gradient()))
+    (folder / "gauge.toml").write_text(tomli_w.dumps(table_of_gauge()))
     axes = [{"key": "faults.main.friction.mu_d", "values": [0.2, 0.3]}]
     (folder / "study.toml").write_text(tomli_w.dumps({"case": "case.toml", "axes": axes}))
     return folder
@@ -331,7 +362,7 @@ def test_a_full_disk_keeps_what_was_there(
 ) -> None:
     """Limits of the size of files below the largest output: one message, no crash, the earlier outputs unchanged."""
     sizes = {file: (place / file).stat().st_size for file in made_by(name)}
-    again = name == "study" or name not in (*NEVER_AGAIN, *OWN_DIRECTORY)  # its points are known
+    again = name in ("study", "converge") or name not in (*NEVER_AGAIN, *OWN_DIRECTORY)  # its points are known
     # The HDF5 library may crash at the end of a process. MPI writes large files at its start.
     apart = name not in NEED_FEM and any(file.endswith((".nc", ".vtkhdf")) for file in sizes)
     failed = 0

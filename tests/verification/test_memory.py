@@ -49,7 +49,7 @@ OF_THE_PROCESS = (
 """Attributes that are not compared: they belong to a process, not to the run."""
 
 REMADE = (
-    r"^recorder\._bulk\.nodal\._(volume|stress_forms)",  # made when stress is first recorded
+    r"^recorder\._bulk\.nodal\._(volume|stress_forms|by_kernel)",  # made when stress is first recorded
     r"geometry\.revision$",  # a number for each geometry made in this process
     r"geometry\._arrays",
     r"^motion\.mechanisms\.\d+\.steps\.",  # arrays that compiled steps are bound to when called

@@ -152,8 +152,9 @@ class ModelReadings:
     def _on(self, fault: Fault, point: Sequence[float], key: str) -> tuple[dict[int, float], str]:
         """Return weights of points of an interface in 3D, by number, and a note if it is another point; collective.
 
-        They are the shape functions of the plus side. A point within half an element of the interface, as those of a
-        list of stations beside a rough surface are, is moved to the nearest node.
+        They are the shape functions of the plus side. A point beside the interface, by half an element at most, as
+        stations on the mean plane of a rough one are, is moved to the nearest node; a point on it at a welded end,
+        which has no slip of its own, is not.
         """
         model, face, comm = self.model, fault.interface, self.model.comm
         numbers = dict(zip(face.plus.tolist(), face.number.tolist(), strict=True))
@@ -169,12 +170,13 @@ class ModelReadings:
         shared = parallel.share_rows(comm, np.concatenate(rows))
         on = shared[:, 0] >= 0
         if not on.any() or np.abs(shared[~on, 1]).sum() > OFF:
-            near = parallel.share_rows(comm, np.column_stack([face.number, face.points])[face.owned])
-            away = np.linalg.norm(near[:, 1:] - np.asarray(point), axis=1)
+            near = parallel.share_rows(comm, np.column_stack([face.number, face.points, face.frame[:, 0]])[face.owned])
+            away = np.linalg.norm(near[:, 1:4] - np.asarray(point), axis=1)
             best = int(np.argmin(away))
             # Digits enough that the remedy is accepted.
-            here, there = ("(" + ", ".join(f"{v:.12g}" for v in each) + ") m" for each in (point, near[best, 1:]))
-            if away[best] <= 0.5 * self._facet_edge(fault):
+            here, there = ("(" + ", ".join(f"{v:.12g}" for v in each) + ") m" for each in (point, near[best, 1:4]))
+            edge, across = self._facet_edge(fault), abs(near[best, 4:] @ (near[best, 1:4] - np.asarray(point)))
+            if OFF * edge < across and away[best] <= 0.5 * edge:
                 moved = f", at the nearest node, {there}, {away[best]:.4g} m away"
                 LOG.warning("%s.point = %s is beside the interface%s", key, here, moved)
                 return {int(near[best, 0]): 1.0}, moved
