@@ -351,7 +351,7 @@ def nodal_matrix(
     diagonal = (numbers[: index_map.size_local, None] * size + np.arange(size)).ravel()
     if tied is not None:
         numbers[tied[1]] = numbers[tied[0]]
-    rows, columns = [diagonal], [diagonal]
+    rows, columns = [diagonal.astype(np.int64)], [diagonal]
     for group in groups:
         dofs = (numbers[group][..., None] * size + np.arange(size)).reshape(len(group), -1).astype(PETSc.IntType)
         pairs = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
@@ -361,9 +361,14 @@ def nodal_matrix(
     made.create(space.mesh.comm)
     made.setSizes([[index_map.size_local * size, index_map.size_global * size]] * 2, bsize=size)
     made.setType("aij")
-    places = (np.concatenate(each).astype(PETSc.IntType) for each in (rows, columns))
-    made.setPreallocationCOO(*places)
-    made.setValuesCOO(np.zeros(sum(map(len, rows))), addv=PETSc.InsertMode.ADD_VALUES)
+    made.setUp()
+    # By rows, as the petsc4py of Debian 13 takes no lists of places.
+    total = np.int64(index_map.size_global * size)
+    row, column = np.divmod(np.unique(np.concatenate(rows) * total + np.concatenate(columns)), total)
+    own, first = np.unique(row, return_index=True)
+    ends, own, column = (each.astype(PETSc.IntType) for each in (np.append(first, len(row)), own, column))
+    made.setValuesIJV(ends, column, np.zeros(len(column)), addv=PETSc.InsertMode.ADD_VALUES, rowmap=own)
+    made.assemble()
     mapped: Any = PETSc.LGMap()
     mapped.create(numbers, size, space.mesh.comm)
     made.setLGMap(mapped, mapped)
