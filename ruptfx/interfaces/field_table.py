@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+from ruptfx.input.schema import Part
+
 if TYPE_CHECKING:
     from ruptfx.interfaces.faults.fields import Contribution
     from ruptfx.interfaces.faults.interface import Interface
     from ruptfx.interfaces.mechanisms.system import System
 
 
-class FieldTable:
+class FieldTable(Part):
     """A contribution to a field of an interface; mixed into the contract of each field."""
 
     source: ClassVar[str] = ""
