@@ -432,7 +432,7 @@ def test_bodies_that_break_have_no_interface_that_could_die_or_rupture(key: str,
 
 
 def test_a_resolved_case_gives_defaults_of_keys_that_would_be_refused() -> None:
-    for given in (parse_case(block(), HERE), parse_case(plates({"damping.kelvin_voigt": {"eta": 1e-8}}))):
+    for given in (parse_case(block({}), HERE), parse_case(plates({"damping.kelvin_voigt": {"eta": 1e-8}}))):
         assert parse_case(given.table()) == given
 
 
