@@ -187,6 +187,12 @@ def corners_of_facets(mesh: dolfinx.mesh.Mesh, facets: np.ndarray, count: int) -
     return nodes[:, :count].astype(np.int64)  # nodes on curved sides come after the corners
 
 
+def tensor_order(space: dolfinx.fem.FunctionSpace) -> np.ndarray:
+    """Return the nodes of a quadrilateral or hexahedron in lexicographic order, the first coordinate slowest."""
+    points = np.round(np.asarray(space.element.basix_element.points), 10)  # points of a line differ by round-off
+    return np.lexsort(points.T[::-1])
+
+
 def tabulate(space: dolfinx.fem.FunctionSpace, reference: np.ndarray) -> np.ndarray:
     """Return shape functions of a cell and derivatives along its axes, shape (1 + dim, nodes), at a reference point."""
     return np.asarray(space.element.basix_element.tabulate(1, reference[None]))[:, 0, :, 0]

@@ -39,10 +39,17 @@ SLIP = 0.2  # m
 ARRIVALS = 7.5  # s, when the front has passed all stations
 
 
-def weakening(inside: float, outside: float) -> Table:
-    """Return the profile of a parameter: `inside` where friction weakens, `outside` beyond the rim."""
+def weakening(inside: float, outside: float, middle: float = 7.5e3, half_width: float = 7.5e3) -> Table:
+    """Return the profile of a parameter: `inside` where friction weakens, `outside` beyond the rim.
+
+    Parameters
+    ----------
+    inside, outside : float
+    middle, half_width : float
+        Of the part that weakens, down dip [m].
+    """
     along = {"kind": "taper", "inside": 1.0, "outside": 0.0, "center": 0.0, "half_width": 15e3, "width": 3e3}
-    down = {**along, "inside": inside - outside, "center": 7.5e3, "half_width": 7.5e3}
+    down = {**along, "inside": inside - outside, "center": middle, "half_width": half_width}
     return {"kind": "sum", "terms": [
         outside, {"kind": "product", "value": {"kind": "along_dip", "profile": down}, "factor": along},
     ]}  # fmt: skip

@@ -43,21 +43,13 @@ SOURCE = "EQdyna 5.1.0, 100 m"
 FLUID = {"kind": "thermal_pressurisation", "heat_capacity": 2.7e6, "thermal_diffusivity": 1e-6,
          "pressure_per_temperature": 0.1e6, "width": 20e-3}  # fmt: skip
 DEEP, SHALLOW = 45e6, 9.8 * 1670.0  # Pa, Pa/m
+BELOW = (9e3, 6e3)  # m down dip: middle and half width of the part that weakens, 3 km below the surface
 MOST = 0.25  # of the processor time of a step
-
-
-def weakening_below(inside: float, outside: float) -> Table:
-    """Return the profile of a parameter: as `weakening`, and `outside` at the surface, over 3 km."""
-    along = {"kind": "taper", "inside": 1.0, "outside": 0.0, "center": 0.0, "half_width": 15e3, "width": 3e3}
-    down = {**along, "inside": inside - outside, "center": 9e3, "half_width": 6e3}
-    return {"kind": "sum", "terms": [
-        outside, {"kind": "product", "value": {"kind": "along_dip", "profile": down}, "factor": along},
-    ]}  # fmt: skip
 
 
 def make(element_size: float, fluid: bool) -> Table:
     """Return the case on elements of a size [m], with or without the fluid."""
-    law = {**LAW, "a": weakening_below(0.01, 0.02), "V_w": weakening_below(0.1, 1.0)}
+    law = {**LAW, "a": weakening(0.01, 0.02, *BELOW), "V_w": weakening(0.1, 1.0, *BELOW)}
     table: Any = case(element_size, law, 0.0, 50e6, DURATION)
     fault = table["faults"]["main"]
 

@@ -11,6 +11,7 @@ import numpy as np
 from ruptfx.bodies.operators import STRAINS, Bulk
 from ruptfx.bodies.operators.geometry import is_tensor, jacobian_at
 from ruptfx.bodies.operators.matrix_free import gauss_lobatto_legendre
+from ruptfx.platform import fem
 
 CHUNK = 30_000  # nodes of elements that are computed together
 
@@ -30,7 +31,7 @@ def stiffness_diagonal(bulk: Bulk) -> np.ndarray:
     order, dim, components = element.degree, mesh.topology.dim, space.dofmap.index_map_bs
     points, weights, derivative = gauss_lobatto_legendre(order)
     n = order + 1
-    permutation = np.lexsort(np.round(np.asarray(element.points), 10).T[::-1])
+    permutation = fem.tensor_order(space)
     tensor_points = np.stack(np.meshgrid(*[points] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
     weight = np.prod(np.meshgrid(*[weights] * dim, indexing="ij"), axis=0).ravel()
     owned = mesh.topology.index_map(dim).size_local

@@ -473,8 +473,7 @@ def _reference_cell(bulk: Bulk) -> tuple[np.ndarray, str]:
         volume = 1 / (2, 6)[dim - 2]
         return np.arange(dim + 1), text + _tables({"lane MINUS_WEIGHT[]": np.full(dim + 1, -volume)})
     points, weights, derivative = gauss_lobatto_legendre(order)
-    # Lexicographic, the first coordinate slowest; rounded because points of a line differ by round-off.
-    permutation = np.lexsort(np.round(np.asarray(element.points), 10).T[::-1])
+    permutation = fem.tensor_order(space)
     product = weights
     for _ in range(dim - 1):
         product = np.multiply.outer(product, weights)

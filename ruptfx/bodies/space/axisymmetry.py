@@ -85,7 +85,7 @@ def mass_on_axis(space: fem.dolfinx.fem.FunctionSpace, cell_density: np.ndarray)
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     order = space.element.basix_element.degree
     reference = np.asarray(space.element.basix_element.points)
-    lines = np.lexsort(np.round(reference, 10).T[::-1]).reshape(order + 1, order + 1)
+    lines = fem.tensor_order(space).reshape(order + 1, order + 1)
     nodes = np.sort(np.unique(reference[:, 0].round(10)))
     difference = nodes[:, None] - nodes + np.eye(order + 1)
     alternating = 1 / np.prod(difference, axis=1)

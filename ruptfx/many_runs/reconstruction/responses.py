@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from ruptfx import Table, __version__
 from ruptfx.many_runs.reconstruction.twin import Twin
 from ruptfx.platform import parallel
-from ruptfx.platform.run_files import seal
+from ruptfx.platform.run_files import replacing, seal
 
 if TYPE_CHECKING:
     from ruptfx.many_runs.adjoint.readings import Readings
@@ -95,11 +94,6 @@ def _write(path: Path | None, lags: dict[str, Floats]) -> None:
     if path is None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with new_hdf5(temporary) as (file, _):
-            for name, values in lags.items():
-                file.create_dataset(name, data=values).attrs["sha256"] = _checksum(values)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as temporary, new_hdf5(temporary) as (file, _):
+        for name, values in lags.items():
+            file.create_dataset(name, data=values).attrs["sha256"] = _checksum(values)

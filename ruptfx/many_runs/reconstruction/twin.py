@@ -14,7 +14,7 @@ from the factors a and b of displacement and velocity that one reading of a sens
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
@@ -364,7 +364,3 @@ def _knots(model: Model, interval: float, begin: float, end: float) -> Knots:
         raise CaseError(f"reconstruction.begin = {begin:.6g} s: the data end at {end:.6g} s, before any slip; set "
                         "begin to an earlier time")  # fmt: skip
     return Knots(dt, every, first, count)
-
-
-Lags = Callable[[Readings, int, str], Floats]
-"""Lags of a source of a trace by readings, number of the request and clock."""

@@ -10,8 +10,8 @@ the compliance c. Then T = P g_F - K s with P = (S (1 - kappa c) + c)^-1 and K =
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +26,7 @@ from ruptfx import RuptfxError
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen.native import cache_directory
 from ruptfx.platform.memory import available
+from ruptfx.platform.run_files import replacing
 from ruptfx.stepping.implicit.compliance import Decomposed
 
 if TYPE_CHECKING:
@@ -207,15 +208,11 @@ class StrikeSeries:
         except (OSError, ValueError, EOFError):
             pass
         matrix = self._computed(k)
-        try:
+        with suppress(OSError):  # a full disk: the next run computes it again
             self._folder.mkdir(parents=True, exist_ok=True)
-            part = file.with_suffix(f".{os.getpid()}")
-            with part.open("wb") as stream:
+            with replacing(file) as part, part.open("wb") as stream:
                 np.save(stream, matrix)
                 stream.write(_sum_of(matrix))
-            part.replace(file)
-        except OSError:  # a full disk: the next run computes it again
-            part.unlink(missing_ok=True)
         return matrix
 
     def _computed(self, k: float) -> np.ndarray:

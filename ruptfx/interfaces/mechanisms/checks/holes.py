@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,16 +61,16 @@ def holes(facets: np.ndarray) -> np.ndarray:
 def _between_ends(points: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Return the middles between ends of lines that are nearer to each other than their facets are long."""
     ends, used = np.unique(lines, return_counts=True)
-    ends = ends[used == 1]
-    length = {int(p): float(np.linalg.norm(np.diff(points[line], axis=0))) for line in lines for p in line}
-    middles = []
-    for at, one in enumerate(ends):
-        for other in ends[at + 1 :]:
-            gap = np.linalg.norm(points[one] - points[other])
-            facet = [one, other] in lines.tolist() or [other, one] in lines.tolist()
-            if not facet and gap <= FACETS * max(length[int(one)], length[int(other)]):
-                middles.append((points[one] + points[other]) / 2)
-    return np.array(middles).reshape(-1, points.shape[1])
+    length = np.zeros(len(points))
+    length[lines] = np.linalg.norm(np.diff(points[lines], axis=1), axis=2)
+    facets = {frozenset(line) for line in lines.tolist()}
+    pairs = [pair for pair in combinations(ends[used == 1].tolist(), 2) if frozenset(pair) not in facets]
+    near = [
+        pair
+        for pair in pairs
+        if np.linalg.norm(np.diff(points[list(pair)], axis=0)) <= FACETS * length[list(pair)].max()
+    ]
+    return np.array([points[list(pair)].mean(axis=0) for pair in near]).reshape(-1, points.shape[1])
 
 
 def _inside_loops(points: np.ndarray, rim: np.ndarray, corners: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from ruptfx.interfaces.faults.interface import build_interface
 from ruptfx.platform import fem
 
 if TYPE_CHECKING:
+    from ruptfx.interfaces.faults.interface import Interface
     from ruptfx.interfaces.mechanisms.system import System
 
 EXACT = 3  # degree of the quadrature of order 1: that of the Galerkin product on parallelepipeds
@@ -260,7 +262,9 @@ class CoarseLevel(Space):
 def make_levels(model: System) -> tuple[list[Level], CoarseLevel]:
     """Return the levels of a model, from the finest on, and that of order 1; collective."""
     fixed = model.loads.prescribed
-    finest = Level(model, model.layout, model.bulk, fixed, _groups_of_model(model))
+    groups = _groups_of(fault.interface for fault in model.faults)
+    groups += [support.nodes[:, None] for support in model.loads.supports]
+    finest = Level(model, model.layout, model.bulk, fixed, groups)
     levels: list[Level] = [finest]
     order = model.order // 2
     while True:
@@ -276,21 +280,14 @@ def make_levels(model: System) -> tuple[list[Level], CoarseLevel]:
             coarsest = CoarseLevel(model, layout, bulk, coarse_fixed)
             levels[-1].interpolation = _interpolation(finer, coarsest)
             return levels, coarsest
-        levels.append(Level(model, layout, bulk, coarse_fixed, _groups_of_interfaces(model, layout)))
+        groups = _groups_of(build_interface(layout, fault.name) for fault in model.faults)
+        levels.append(Level(model, layout, bulk, coarse_fixed, groups))
         levels[-2].interpolation = _interpolation(finer, levels[-1])
         order //= 2
 
 
-def _groups_of_model(model: System) -> list[np.ndarray]:
-    groups = [
-        face.plus[:, None] if face.one_sided else np.stack([face.plus, face.minus], axis=1)
-        for face in (fault.interface for fault in model.faults)
-    ]
-    return [*groups, *(support.nodes[:, None] for support in model.loads.supports)]
-
-
-def _groups_of_interfaces(model: System, layout: Nodes) -> list[np.ndarray]:
-    faces = [build_interface(layout, fault.name) for fault in model.faults]
+def _groups_of(faces: Iterable[Interface]) -> list[np.ndarray]:
+    """Return the nodes that interfaces couple."""
     return [face.plus[:, None] if face.one_sided else np.stack([face.plus, face.minus], axis=1) for face in faces]
 
 

@@ -20,6 +20,18 @@ def has_mumps() -> bool:
     return bool(fem.PETSc.Sys.hasExternalPackage("mumps"))
 
 
+def fits(model: System, unknowns: int) -> bool:
+    """Return whether a matrix of so many unknowns is factorised by default."""
+    return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
+
+
+def factorise(pc: fem.PETSc.PC) -> None:
+    """Let a preconditioner factorise its matrix."""
+    pc.setType("lu")
+    if has_mumps():
+        pc.setFactorSolverType("mumps")
+
+
 class Lu(Preconditioner):
     """Factors of the assembled matrix."""
 
@@ -28,12 +40,9 @@ class Lu(Preconditioner):
 
     @classmethod
     def suits(cls, model: System) -> bool:
-        unknowns = model.total_nodes * model.components
-        return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
+        return fits(model, model.total_nodes * model.components)
 
     @classmethod
     def set_up(cls, ksp: fem.PETSc.KSP, model: System, tangent: Tangent) -> None:
         ksp.setType("preonly")
-        ksp.getPC().setType("lu")
-        if has_mumps():
-            ksp.getPC().setFactorSolverType("mumps")
+        factorise(ksp.getPC())

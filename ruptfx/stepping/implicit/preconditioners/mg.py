@@ -22,7 +22,7 @@ from ruptfx.stepping.implicit.options import PetscOptions
 from ruptfx.stepping.implicit.preconditioners import Preconditioner
 from ruptfx.stepping.implicit.preconditioners._levels import Level, make_levels
 from ruptfx.stepping.implicit.preconditioners.gamg import rigid_motions
-from ruptfx.stepping.implicit.preconditioners.lu import DIRECT, has_mumps
+from ruptfx.stepping.implicit.preconditioners.lu import factorise, fits
 from ruptfx.stepping.implicit.tangent import Tangent
 
 if TYPE_CHECKING:
@@ -57,11 +57,9 @@ class MatrixFreeTangent(Tangent):
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
         """Return zeros with room for what is added to K."""
-        model, layout = self._model, self._model.layout
-        if bulk is not model.bulk:
+        if bulk is not self._model.bulk:
             return None  # damping is applied, too
-        tied = (layout.kept, layout.copies) if layout.bodies.ties else None
-        return fem.nodal_matrix(model.space, self.levels[0].groups, tied)
+        return fem.nodal_matrix(self._model.space, self.levels[0].groups, self.levels[0].tied)
 
     def _diagonal_of_elements(self) -> np.ndarray:
         return self.levels[0].diagonal
@@ -125,11 +123,8 @@ class Mg(Preconditioner):
         solver = pc.getMGCoarseSolve()
         solver.setOperators(coarse.matrix, coarse.matrix)
         solver.setType("preonly")
-        unknowns = coarse.layout.total * model.components
-        if unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1):
-            solver.getPC().setType("lu")
-            if has_mumps():
-                solver.getPC().setFactorSolverType("mumps")
+        if fits(model, coarse.layout.total * model.components):
+            factorise(solver.getPC())
         else:
             solver.setType("richardson")
             solver.setTolerances(max_it=CYCLES, rtol=0.0)
