@@ -173,7 +173,10 @@ class Section(Discretisation):
         return replace(face, weight=weight * self.mesh_table.along_strike.spacing)
 
     def jumps(self, names: Sequence[str]) -> tuple[csr_matrix, np.ndarray]:
-        """Return J of the points of some interfaces, one after the other, and their lengths repeated by component."""
+        """Return J of the points of some interfaces, one after the other, and their lengths [m].
+
+        J has shape (3 points, 3 nodes). The length of a point is repeated for each component, shape (3 points,).
+        """
         rows, columns, values, offset = [], [], [], 0
         for name in names:
             nodes, blocks = self.faces[name].stencil()

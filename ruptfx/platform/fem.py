@@ -188,7 +188,7 @@ def corners_of_facets(mesh: dolfinx.mesh.Mesh, facets: np.ndarray, count: int) -
 
 
 def tensor_order(space: dolfinx.fem.FunctionSpace) -> np.ndarray:
-    """Return the nodes of a quadrilateral or hexahedron in lexicographic order, the first coordinate slowest."""
+    """Return the nodes of a quadrilateral or hexahedron, shape (nodes of a cell,), the first coordinate slowest."""
     points = np.round(np.asarray(space.element.basix_element.points), 10)  # points of a line differ by round-off
     return np.lexsort(points.T[::-1])
 

@@ -66,7 +66,7 @@ def agreed(comm: Comm, value: Result) -> Result:
 
 
 def total(comm: Comm, values: npt.ArrayLike) -> np.ndarray:
-    """Return the sum over ranks of an array or a number."""
+    """Return the sum over ranks of an array or a number, of the same shape; collective."""
     return np.asarray(comm.allreduce(np.asarray(values, dtype=float)))
 
 
@@ -81,7 +81,7 @@ def anywhere(comm: Comm, flag: bool) -> bool:
 
 
 def gather_rows(comm: Comm, rows: np.ndarray) -> np.ndarray | None:
-    """Return the rows of all ranks, one below the other, on rank 0; None elsewhere."""
+    """Return the rows of all ranks, shape (rows of all, ...), on rank 0, and None elsewhere; collective."""
     parts = comm.gather(np.ascontiguousarray(rows), root=0)
     return None if parts is None else np.concatenate(parts)
 

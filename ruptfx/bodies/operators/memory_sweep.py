@@ -157,7 +157,7 @@ class MemorySweep(MatrixFree):
         self._geometry = CellPoints(space, self.cells, self.points, permutation)
 
     def begin(self) -> np.ndarray:
-        """Return the initial state of all points, in the layout of the sweep."""
+        """Return the initial state of all points in the layout of the sweep, shape `self.shape`."""
         state = native.aligned(self.shape)
         state[:] = np.array(list(self.law.state.values()), dtype=float)[:, None]
         return state

@@ -66,7 +66,7 @@ class Phases(Alternative):
         return float(np.prod(size)) / element_size**2
 
     def drawn(self, count: int, random: np.random.Generator) -> NDArray[np.int64]:
-        """Return `count` independent random phases."""
+        """Return independent random phases as indices among `fractions`, shape (count,)."""
         share = np.array(list(self.fractions.values()))
         return random.choice(len(share), count, p=share / share.sum())
 

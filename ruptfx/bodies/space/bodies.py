@@ -299,7 +299,7 @@ def _check_curved(raw: RawMesh) -> None:
 
 
 def named_facets(raw: RawMesh) -> dict[str, np.ndarray]:
-    """Facets of the edges and of the meshed sides of the interfaces, ``"main.plus"``."""
+    """Facets of the edges and of the meshed sides of the interfaces, ``"main.plus"``, by local number."""
     sides = {
         f"{n}.{side}": f
         for n, pair in raw.interfaces.items()

@@ -43,12 +43,12 @@ class Edge:
 
     @cached_property
     def facets(self) -> np.ndarray:
-        """Local facets."""
+        """Local facets, shape (facets,)."""
         return self.model.bodies.facets.find(self.tag)
 
     @cached_property
     def nodes(self) -> np.ndarray:
-        """Local nodes."""
+        """Local nodes, shape (nodes of the edge,)."""
         if self.model.layout.broken:
             return self._corners()
         return fem.dolfinx.fem.locate_dofs_topological(self.model.space, self.model.mesh.topology.dim - 1, self.facets)

@@ -113,7 +113,7 @@ class Nodes:
         rows[self.copies] = rows[self.kept]
 
     def reduce_tied(self, vector: np.ndarray) -> np.ndarray:
-        """Return nodal forces on the unknowns: the sum at the kept node of a tie, zero at its copy."""
+        """Return nodal forces on the unknowns, same shape: the sum at the kept node of a tie, zero at its copy."""
         if not len(self.copies):
             return vector
         reduced = vector.copy()

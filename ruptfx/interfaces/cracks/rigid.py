@@ -214,7 +214,7 @@ class RigidCracks(CrackStep):
         )  # fmt: skip
 
     def corners_at(self, vertices: np.ndarray) -> np.ndarray:
-        """Return the local nodes of some vertices."""
+        """Return the local nodes of some vertices, shape (nodes of all of them,)."""
         return self._at_vertices("star", vertices)
 
     def _mend(self, vertices: np.ndarray) -> None:

@@ -392,7 +392,7 @@ class CrackStep(FacetFrames):
             self._assemble(both, both, force)
 
     def counted(self, nodes: np.ndarray) -> np.ndarray:
-        """Return a mask of the local nodes that this rank counts in sums over all ranks."""
+        """Return those of some local nodes that this rank counts in sums over all ranks, shape (counted,)."""
         return np.asarray(nodes[nodes < self._owned_nodes])
 
     def release(self, facets: np.ndarray) -> None:

@@ -101,5 +101,5 @@ class Across:
         amplitudes += step.by_growth * growth[:, None]
 
     def uncertainty(self, dt: float, growth: np.ndarray) -> np.ndarray:
-        """Return the part of the value that the growth of the source in the step makes."""
+        """Return the part of the value that the growth of the source in the step makes, in its unit and shape."""
         return np.abs(self._step(dt).value_by_growth * growth) if dt > 0 else np.zeros_like(growth)

@@ -86,7 +86,7 @@ class Contribution:
     """Whether fluid flows along the interface."""
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Return its memory at the start of a run."""
+        """Return its memory at the start of a run by name, shape (n,) or (n, values) each, in units of its own."""
         return {}
 
     def plan(self, memory: Mapping[str, np.ndarray], time: float, dt: float) -> None:

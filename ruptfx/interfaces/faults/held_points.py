@@ -71,7 +71,7 @@ def beside_diagonal(blocks: np.ndarray) -> np.ndarray:
 
 
 def coupled_points(interface: Interface, inverse_mass: np.ndarray) -> np.ndarray:
-    """Return the indices of the points with a full B."""
+    """Return the indices of the points with a full B, shape (such points,)."""
     return np.flatnonzero(beside_diagonal(mobility_blocks(interface, inverse_mass)).any(axis=1))
 
 

@@ -196,7 +196,10 @@ class Interface:
         return self.rate(field)
 
     def rate(self, field: np.ndarray) -> np.ndarray:
-        """Return J field, for a velocity or an increment of displacement; equal to `jump` except in finite sliding."""
+        """Return J field, shape (n, local), for a velocity [m/s] or an increment of displacement [m].
+
+        It equals `jump` except in finite sliding.
+        """
         nodal = field.reshape(-1, self.frame.shape[2])
         difference = nodal[self.plus] if self.one_sided else nodal[self.plus] - nodal[self.minus]
         return np.einsum("ikc,ic->ik", self.rows, difference)

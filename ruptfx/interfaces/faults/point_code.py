@@ -461,7 +461,7 @@ def _stored(part: Part, changes: bool) -> tuple[dict[str, Expression], Part]:
 
 
 def filled(values: np.ndarray) -> np.ndarray:
-    """Return values padded to whole blocks with those of the last point."""
+    """Return values, shape (n, ...), padded along the points to whole blocks with those of the last point."""
     return np.concatenate([values, np.repeat(values[-1:], -len(values) % LANES, axis=0)])
 
 

@@ -177,7 +177,7 @@ class PersistentState(Acting):
         """Add the forces of which the reactions at edges are the sums with those of the elements, at a record [N]."""
 
     def counted(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the nodes of an edge without those that stand for others among them."""
+        """Return the local nodes of an edge, shape (counted,), without those that stand for others among them."""
         return nodes
 
 

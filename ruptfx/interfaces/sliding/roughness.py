@@ -81,7 +81,7 @@ def roughness(
 
 
 def welded_nodes(model: Discretisation, side: Surface) -> np.ndarray:
-    """Return a mask of the nodes of the bodies of a surface and of all bodies that are welded to them."""
+    """Return which nodes are of the bodies of a surface or of bodies welded to them, shape (nodes,) of bool."""
     layout = model.layout
     return np.asarray(np.isin(layout.welded[layout.body], layout.welded[layout.body[side.nodes]]))
 

@@ -47,11 +47,11 @@ class Creeping(FrictionLaw):
     initial state and a stress the law gives it; it begins at the larger of this and V_0 at most."""
 
     def direct(self) -> Array:
-        """Return the instantaneous change of the coefficient with the logarithm of the slip rate."""
+        """Return the change of the coefficient at once with the logarithm of the slip rate [1], point by point."""
         return self.a
 
     def psi(self, state: LawState) -> Array:
-        """Return the friction coefficient at the slip rate V_0, without the regularisation."""
+        """Return the friction coefficient [1] at the slip rate V_0, without the regularisation, point by point."""
         raise NotImplementedError
 
     def state_of(self, psi: np.ndarray, slip_rate: np.ndarray) -> LawState:
@@ -112,11 +112,11 @@ class RateAndState(Creeping):
     """Initial age [s]; without it, the age that carries the initial shear stress at the initial slip rate."""
 
     def contact(self, theta: Array) -> Array:
-        """Return the contribution of the contact age to the friction coefficient."""
+        """Return the contribution of the contact age [s] to the friction coefficient [1], point by point."""
         return self.b * np.log(self.V_0 * theta / self.D_c)
 
     def contact_slope(self, theta: Array) -> Array:
-        """Return the derivative of `contact` by ln theta."""
+        """Return the derivative of `contact` by ln theta [1], point by point."""
         return self.b + 0 * theta
 
     def age(self, contact: Array) -> Array:
@@ -124,7 +124,7 @@ class RateAndState(Creeping):
         return self.D_c / self.V_0 * np.exp(contact / self.b)
 
     def age_rate(self, theta: Array, slip_rate: Array) -> Array:
-        """Return dtheta/dt."""
+        """Return dtheta/dt [1] at an age [s] and a slip rate [m/s], point by point."""
         raise NotImplementedError
 
     def steady_age(self, slip_rate: Array) -> Array:

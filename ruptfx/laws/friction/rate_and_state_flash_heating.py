@@ -31,7 +31,7 @@ class RateAndStateFlashHeating(Creeping):
     """Initial state; without it, the state that carries the initial shear stress at the initial slip rate."""
 
     def steady_coefficient(self, slip_rate: Array) -> Array:
-        """Return f_ss(V)."""
+        """Return the friction coefficient f_ss [1] of steady sliding at a slip rate [m/s], point by point."""
         speed = np.maximum(slip_rate, AT_REST)
         # The logarithm of the low-velocity law becomes negative only at unrealistic slip rates.
         low = np.maximum(self.f_0 - (self.b - self.a) * np.log(speed / self.V_0), LOWEST)

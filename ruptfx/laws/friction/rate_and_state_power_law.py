@@ -70,7 +70,7 @@ class RateAndStatePowerLaw(FrictionLaw):
         return {"theta_0": state["theta_0"] * np.exp(-x) + self.A_0 * dt * decay_mean(x)}
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
-        """Return mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), times the normal stress."""
+        """Return mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), times the normal stress [Pa], point by point."""
         return (self.mu_d + (self.mu_s - self.mu_d) * np.exp(-((slip_rate / self.V_1) ** self.p))) * normal_stress
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:

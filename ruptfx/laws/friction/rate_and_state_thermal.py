@@ -55,7 +55,7 @@ class RateAndStateThermal(RateAndState):
         return np.maximum(1 + slope * (temperature / self.T_0 - 1), LEAST)
 
     def shift(self, temperature: Array) -> Array:
-        """Return a_T."""
+        """Return the factor a_T of times [1] at a temperature [K], point by point."""
         above = temperature - self.T_0
         room = np.maximum(self.C_2 + above, 1e-3 * self.C_2)
         exponent = np.minimum(np.maximum(-self.C_1 * above / room, -LARGEST_SHIFT), LARGEST_SHIFT)

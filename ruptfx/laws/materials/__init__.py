@@ -267,7 +267,7 @@ class Material(Waves, Alternative):
         """
 
     def yielded(self) -> np.ndarray | None:
-        """Return the initial stress as a part of the strength of a material that yields; None for others."""
+        """Return the initial stress over the strength of a material that yields [1], by point; None for others."""
         return None
 
     @model_validator(mode="after")

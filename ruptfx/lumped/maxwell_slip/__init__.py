@@ -243,7 +243,10 @@ class Ensemble:
         return high - np.min(before, axis=1, where=late, initial=np.inf) + self.drop / self.blocks
 
     def corners(self, realisation: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return drive displacement and friction coefficient at the corners of the exact saw-tooth history."""
+        """Return drive displacement [m] and friction coefficient [1] at the corners of the exact saw-tooth history.
+
+        Both have shape (2 slips + 2,).
+        """
         slips = self.displacement[realisation, : self.count[realisation]]
         before = self.before[realisation, : len(slips)]
         last = self.initial[realisation] + self.end - len(slips) * self.drop / self.blocks

@@ -88,7 +88,7 @@ class Contacts:
         self.stiffness[np.arange(shape[1]) >= self.chain.contacts[:, None]] = 0.0
 
     def draw(self, size: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Draw new thresholds, Gaussian, and stiffnesses k = <k> sqrt(f_s / <f_s>)."""
+        """Draw Gaussian thresholds [N] and stiffnesses k = <k> sqrt(f_s / <f_s>) [N/m], both of shape `size`."""
         ratio = np.maximum(1 + self.chain.scatter * self.random.standard_normal(size), 1e-3)
         return self.chain.contact_strength * ratio, self.chain.contact_stiffness * np.sqrt(ratio)
 
@@ -102,7 +102,7 @@ class Contacts:
             return np.where(self.stiffness[row] > 0, strength / self.stiffness[row], np.inf)
 
     def bounds(self, row: int | slice, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the positions below and above which the first contact of a block breaks."""
+        """Return the positions [m] below and above which the first contact of a block breaks, one for each block."""
         reach = self.reach(row, time)
         return (self.origin[row] - reach).max(axis=-1), (self.origin[row] + reach).min(axis=-1)
 

@@ -27,7 +27,7 @@ class Breaks:
         return (now - total[np.searchsorted(broken, times - self.delay, side="right")]) / self.contacts[block]
 
     def detachments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return times and blocks at which half of a block's contacts are detached, in chronological order."""
+        """Return times [s] and blocks at which half of a block's contacts are detached, shape (events,), by time."""
         items = []
         for block in range(len(self.contacts)):
             mine = self.block == block

@@ -56,7 +56,7 @@ class ModelReadings:
         self.force_unit = extensive_unit("N", model.case.plane)
 
     def unit_vector(self, component: int) -> np.ndarray:
-        """Return the unit vector of a component."""
+        """Return the unit vector of a component, shape (components,)."""
         vector: np.ndarray = np.eye(self.model.components)[component]
         return vector
 

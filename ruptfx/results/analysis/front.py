@@ -45,7 +45,7 @@ class Front:
 
 
 def crossing(low: Array, high: Array, threshold: float) -> Array:
-    """Return the fraction of the interval between two rates at which a threshold is passed.
+    """Return the fraction [1] of the interval between two rates [m/s] at which a threshold is passed, point by point.
 
     Interpolated in the logarithm of the rate, the lower one being at least threshold^2 / high: exact for
     exponential tails, and half-way for the sudden start of a point that was stuck, which linear interpolation

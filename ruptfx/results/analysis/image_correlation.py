@@ -116,7 +116,7 @@ def correlation(before: Array, after: Array, along_x: Array, along_y: Array, sub
 
 
 def spread(lost: Array, side: int) -> Array:
-    """Return which squares of an odd side contain a lost pixel."""
+    """Return which squares of an odd side contain a lost pixel, in the shape of the image."""
     return np.asarray(maximum_filter(lost, side, mode="constant", cval=False))
 
 
