@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from ruptfx import simulate
-from ruptfx.app.bench.thesis_block import LATER, LEFT_FRONT, Onset, block, rough
+from ruptfx.app.bench.thesis_block import LATER, LEFT_FRONT, Onset, block, relaxation, rough
 from ruptfx.app.script import begin, save
 from ruptfx.results.figure_style import GUIDE, letter, new_figure, remark, styled
 
@@ -40,10 +40,8 @@ for name, (case, moments) in CASES.items():
     print(f"{name}: first slip at {1e3 * found.origin:+.0f} mm after {1e3 * found.begin:.2f} ms of shearing, "
           f"printed {printed}")  # fmt: skip
 even, uneven = onsets["even"], onsets["uneven"]
-between = (uneven.position > LEFT_FRONT[1]) & (uneven.position < uneven.origin)
-first, last = (1e-6 * uneven.stress[number]["xx"][between] for number in (0, 2))
-print(f"unevenly pressed, sigma_xx between the fronts: {first.mean():.2f} MPa on average at the first slip, up to "
-      f"{last.max():+.2f} MPa with the left front at -19 mm")  # fmt: skip
+print(f"unevenly pressed, mean sigma_xx between the fronts, left one at -19 mm: {relaxation(uneven):.2f} of that at "
+      "the first slip")  # fmt: skip
 places, speeds = even.edge_front()
 print(f"evenly pressed, front from the left corner: {speeds[0]:.0f} m/s at {1e3 * places[0]:.0f} mm, "
       f"{speeds[-1]:.0f} m/s at {1e3 * places[-1]:.0f} mm, where another one comes")  # fmt: skip

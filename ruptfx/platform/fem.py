@@ -92,6 +92,13 @@ def _load() -> None:
     globals().update(MPI=MPI, PETSc=PETSc, VERSION=version, basix=basix, dolfinx=dolfinx, ufl=ufl)
 
 
+def world(comm: MPI.Comm | None = None) -> MPI.Comm:
+    """Return a communicator, by default all ranks of the job, with the stack loaded: callers may have only mpi4py."""
+    if not VERSION:
+        _load()
+    return comm or MPI.COMM_WORLD
+
+
 def remove_abandoned(folder: Path, age: float = 300.0) -> None:
     """Remove the source files of forms whose compilation has ended without a library.
 

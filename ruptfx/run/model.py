@@ -63,7 +63,7 @@ class Model(System):
     def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
         self.case = case
         sliding = [name for name, fault in case.faults.items() if fault.sliding is not None]
-        world, broken = comm or fem.MPI.COMM_WORLD, case.fracture is not None
+        world, broken = fem.world(comm), case.fracture is not None
         materials, order, boundaries = case.stressed_materials, case.order, case.boundaries
         if case.mesh.along_strike is None:
             self.section = None

@@ -103,7 +103,7 @@ def simulate(
     if isinstance(case, LumpedModel):  # before DOLFINx and MPI are loaded: it needs neither
         with Progress(progress) as bar:
             return lumped.simulate(case, out, bar.update, resume, overwrite)
-    comm = comm or fem.MPI.COMM_WORLD
+    comm = fem.world(comm)
     if resume:
         parallel.on_root(comm, lambda: directories.refuse_links(out))
     case.set_sums(parallel.on_root(comm, case.read_sums))

@@ -125,3 +125,18 @@ def test_the_analysis_of_fronts_imports_scipy_where_it_integrates() -> None:
     )
     assert text == "read"
     assert not {"scipy.integrate", "scipy.optimize", "scipy.special", "scipy.sparse", "scipy.spatial"} & modules
+
+
+@pytest.mark.fem
+def test_a_communicator_of_mpi4py_alone_is_enough(tmp_path: Path) -> None:
+    """A script that imports only mpi4py and passes its communicator: 2 us at 0.5 us or less are at least 4 steps."""
+    pytest.importorskip("dolfinx")
+    program = (
+        "import sys; from mpi4py import MPI; from ruptfx import read_case, simulate; "
+        "case = read_case('demos/impact.toml', ['mesh.element_size=10e-3', 'duration=2e-6', 'output.figures=false']); "
+        "print(simulate(case, sys.argv[1], MPI.COMM_SELF, progress=False).summary['steps'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "run")], capture_output=True, text=True, timeout=300, cwd=ROOT
+    )
+    assert done.returncode == 0 and int(done.stdout) >= 4, done.stderr

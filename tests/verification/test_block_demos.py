@@ -74,6 +74,17 @@ def test_classes_of_roughness_are_normal() -> None:
     np.testing.assert_allclose(thesis_block.shares(), [0.60, 6.06, 24.17, 38.29, 24.17, 6.06, 0.60], atol=0.005)
 
 
+def test_stress_between_the_fronts_is_compared_by_means() -> None:
+    """-2 MPa; then -2 and +0.4 in turn at nine points from -15 to 65 mm: (5 x 2 - 4 x 0.4) / (9 x 2) = 0.4667."""
+    x = np.arange(-95e-3, 100e-3, 10e-3)
+    first, last = np.full(len(x), -2e6), np.where(np.arange(len(x)) % 2, 0.4e6, -2e6)
+    nothing = np.zeros(len(x))
+    stresses = [{"xx": values, "yy": nothing, "xy": nothing} for values in (first, first, last)]
+    onset = thesis_block.Onset(x, nothing, np.abs(x - 75e-3), [0.0, 1.0, 2.0], stresses)
+    assert onset.origin == pytest.approx(75e-3)
+    assert thesis_block.relaxation(onset) == pytest.approx(8.4 / 18, rel=1e-12)
+
+
 def test_an_evenly_pressed_block_slips_first_at_its_left_corner() -> None:
     """Printed: -95 mm. The next points slip later the farther they are: a front, which accelerates."""
     even = thesis_block.onset(block("mesh.element_size=5e-3", "mesh.chamfer=5e-3", even=True), fem.MPI.COMM_SELF)

@@ -154,6 +154,8 @@ def _speed_of_top(case: Case) -> float:
 
 
 LEFT_FRONT = (15e-3, -19e-3)  # m, where the thesis prints the stresses
+# Of the mean compression between the fronts, at most: 1 without slip; runs that differ by rounding differ by 0.1.
+KEPT = 0.75
 LATER = (1.0e-3, 1.2e-3, 1.4e-3)  # s, when it prints those of the even press
 
 
@@ -187,12 +189,11 @@ def run(fine: bool, comm: MPI.Comm) -> list[Check]:
     places, speeds = even.edge_front()
     others = {"steeper press": STEEPER, "damping of the thesis": DAMPED}
     correlations = [float(spearmanr(*each.delay(even)).statistic) for each in roughs.values()]
-    between = (uneven.position > LEFT_FRONT[1]) & (uneven.position < uneven.origin)
     return [
         *checks,
         Check("unevenly pressed: first slip", 81e-3, uneven.origin, 15e-3, "m", SOURCE),
-        Check("unevenly pressed: sigma_xx between the fronts with the left one at -19 mm, largest", 0.0,
-              float(np.nanmax(uneven.stress[2]["xx"][between])), 0, "Pa", SOURCE, "at least"),
+        Check("unevenly pressed: mean sigma_xx between the fronts, left one at -19 mm, over that at the first slip",
+              KEPT, relaxation(uneven), 0, "1", SOURCE, "at most"),
         Check("unevenly pressed: change of sigma_yy from the first slip on, over its mean", 0.1,
               _change(uneven, middle), 0, "1", SOURCE, "at most"),
         Check("unevenly pressed: left front from the first slip to -19 mm, mean speed", 100.0,
@@ -211,6 +212,17 @@ def run(fine: bool, comm: MPI.Comm) -> list[Check]:
         Check("evenly pressed: delay by roughness against mu_s, rank correlation: least of 3 draws", 0.0,
               min(correlations), 0, "1", SOURCE, "at least"),
     ]  # fmt: skip
+
+
+def relaxation(onset: Onset) -> float:
+    """Return the mean sigma_xx between the fronts, the left one at its last place, over the mean at the first slip.
+
+    A mean, for behind the front points stick and slip in turn, and rounding decides between them: the largest value
+    changes its sign with the number of ranks.
+    """
+    between = (onset.position > LEFT_FRONT[-1]) & (onset.position < onset.origin)
+    first, last = (float(np.nanmean(onset.stress[number]["xx"][between])) for number in (0, -1))
+    return last / first
 
 
 def _change(found: Onset, where: Array) -> float:

@@ -327,7 +327,7 @@ def gradient(  # noqa: PLR0913
         run, features without an adjoint, `cores` or `scheduler` without `check` or on several ranks; after the sweep:
         a given unknown that the objective does not depend on, or a misfit of zero.
     """
-    comm = comm or fem.MPI.COMM_WORLD
+    comm = fem.world(comm)
     terms = [objective] if isinstance(objective, Misfit) else list(objective or case.objective)
     if not terms:
         raise CaseError("objective: there is none; add an entry [[objective]], such as kind = 'final_slip'")

@@ -386,7 +386,7 @@ def infer(  # noqa: PLR0913
         objective does not depend on. With `cores` or `scheduler`: another method, or ranks that share this call;
         dask.distributed is missing, a run has failed; after Ctrl-C, with the number of runs that are kept.
     """
-    comm = comm or fem.MPI.COMM_WORLD
+    comm = fem.world(comm)
     out = Path(out)
     pooled = cores > 1 or ranks > 1 or scheduler is not None
     if pooled:

@@ -102,7 +102,7 @@ def reconstruct(
         On all ranks: no data or interface, bodies that are not linear, channels that see nothing of the interface, data
         outside of the run or at irregular times.
     """
-    comm = comm or fem.MPI.COMM_WORLD
+    comm = fem.world(comm)
     show, settings = progress and comm.rank == 0, case.reconstruction or Settings()
     experiment, begun = Experiment(case), time.perf_counter()
     with working("building the model", show):
