@@ -128,6 +128,12 @@ class FaultCase(Part):
             )
         return self
 
+    def fields(self) -> Iterator[tuple[str, type[Part]]]:
+        """Yield the fields of the interface that the case gives, with the class of an entry that follows the motion."""
+        for name in ("pore_pressure", "temperature"):
+            if entries := getattr(self, name):
+                yield name, next((type(each) for each in entries if each.follows_motion), type(self))
+
     @property
     def law(self) -> FrictionLaw:
         """The friction law; one without effect where all slip is prescribed."""
@@ -388,10 +394,7 @@ class Case(CaseFile):
                 choices[f"faults.{name}.gap"] = type(fault)
             if fault.prescribed_slip:
                 choices[f"faults.{name}.prescribed_slip"] = type(fault)
-            choices |= {
-                f"faults.{name}.{field}": type(fault) for field in ("pore_pressure", "temperature")
-                if getattr(fault, field)
-            }  # fmt: skip
+            choices |= {f"faults.{name}.{field}": cls for field, cls in fault.fields()}
         if self.mesh.along_strike is not None:
             choices["mesh.along_strike"] = type(self.mesh.along_strike)
         choices |= {key: type(boundary) for key, boundary in self.all_boundaries()}

@@ -17,6 +17,7 @@ from typing import cast
 from ruptfx.input.schema import Alternative, CaseError, Part, alternatives
 from ruptfx.interfaces.attachments import Attachment
 from ruptfx.interfaces.cracks import Fracture
+from ruptfx.interfaces.field_table import MOTION
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.laws.contact import ContactMethod
 from ruptfx.laws.materials import IN_PLANE, Material
@@ -460,7 +461,9 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
         needs="adjoint", shown="stepper", swap=BY_STEPPER, drop=("objective",)),
     *(Row(feature, NO_ADJOINT, beside="objective", drop=(feature, "objective")) for feature in (
         "sliding", "cohesion", "prescribed_slip", "stages", "large_rotations", "fracture", "collisions", "ties",
-        "attachments", "pore_pressure", "temperature")),
+        "attachments", "temperature")),
+    Row(MOTION, "a pore pressure that depends on slip or heat " + NO_ADJOINT, beside="objective",
+        drop=(MOTION, "objective")),
     Row("memory", NO_ADJOINT, beside="objective", swap=("memory",), drop=("objective",)),
 )  # fmt: skip
 """The table of features and capabilities, with rules for what two or three parts say of each other."""

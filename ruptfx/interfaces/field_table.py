@@ -12,11 +12,20 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
 
 
+MOTION = "motion of the interface"
+"""What fields need that depend on slip, the state of friction, stress or heat; gradients exclude it."""
+
+
 class FieldTable(Part):
     """A contribution to a field of an interface; mixed into the contract of each field."""
 
     source: ClassVar[str] = ""
     """Publication of the equations."""
+
+    @property
+    def follows_motion(self) -> bool:
+        """True if the field depends on the motion of the interface, by its kind or by its values."""
+        return MOTION in self.needs
 
     def bind(self, model: System, face: Interface, key: str) -> Contribution:
         """Return its contribution to the fields of an interface; its profiles are evaluated at the points; collective.

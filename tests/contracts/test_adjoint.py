@@ -179,6 +179,61 @@ def test_gradients_of_interfaces_that_open_or_close(changes: Any, sizes: Any, co
         assert exact == pytest.approx(difference, rel=1e-4, abs=1e-7 * largest), key
 
 
+AGEING = {"kind": "rate_and_state_ageing", "a": 0.008, "b": 0.012, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-6,
+          "V_initial": 1e-6}  # fmt: skip
+KNOWN = [
+    {"kind": "given", "pressure": 1e6, "begin": 1e-6, "end": 5e-6, "rise": 1.7e-6},
+    {"kind": "given", "pressure": 5e5, "history": {"kind": "sampled", "times": [0.0, 1e-5], "values": [1.0, 2.0]}},
+]
+WET = {"duration": 8e-6, "objective": SLIP, "faults.main.friction": AGEING, "faults.main.pore_pressure": KNOWN}
+
+
+@pytest.mark.parametrize("contact", [SPLIT, COMPLIANT], ids=["split_node", "compliant"])
+def test_gradients_by_a_known_pore_pressure_equal_central_differences(contact: Any) -> None:
+    """The initial state follows from the effective stress; the ageing law has no kinks."""
+    case = parse_case(slip_weakening({**WET, "faults.main.contact": contact}))
+    assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
+    sizes = {"Pa": 1e6, "m": 1e-6, "m/s": 1e-6, "1": 0.01, "s": 1e-6}
+    results = differences(case, lambda x: 1 + 0.5 * np.cos(400 * x), sizes, 1e-5)
+    own = {key: values for key, values in results.items() if "pore_pressure" in key}
+    assert sorted(key.removeprefix("faults.main.pore_pressure.") for key in own) == [
+        "0.begin", "0.end", "0.pressure", "0.rise", "1.pressure"]  # fmt: skip
+    for key, (exact, difference) in own.items():
+        assert exact == pytest.approx(difference, rel=1e-8), key
+    for key in ("faults.main.initial_stress.normal", "faults.main.friction.a"):
+        assert results[key][0] == pytest.approx(results[key][1], rel=1e-8), key
+
+
+def test_a_pore_pressure_that_diffuses_leaves_gradients_by_other_parameters_exact() -> None:
+    """It does not depend on the motion where neither the permeability nor the porosity does."""
+    layer = {"kind": "diffusion", "permeability": 1e-13, "viscosity": 1e-3, "compressibility": 1e-8, "porosity": 0.1,
+             "thickness": 1.0, "wells": [{"center": 16e-3, "rate": 1e-5}]}  # fmt: skip
+    case = parse_case(slip_weakening({**WET, "faults.main.contact": SPLIT, "faults.main.pore_pressure": layer}))
+    results = differences(case, lambda x: 1 + 0.5 * np.cos(400 * x), {
+        "Pa": 1e6, "m": 1e-6, "m/s": 1e-6, "1": 0.01}, 1e-5)  # fmt: skip
+    for key in ("faults.main.initial_stress.shear", "faults.main.initial_stress.normal", "faults.main.friction.a"):
+        assert results[key][0] == pytest.approx(results[key][1], rel=1e-8), key
+
+
+FOLLOWS = {
+    "thermal_pressurisation": {}, "dilatancy": {},
+    "diffusion": {"dilatancy": 1e-4},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FOLLOWS)
+def test_pressures_that_follow_the_motion_are_refused_with_remedies_that_work(kind: str) -> None:
+    import tomllib
+
+    own = tomllib.loads(f"x = {alternatives('ruptfx.interfaces.pore_pressure')[kind].example}")["x"] | FOLLOWS[kind]
+    table = slip_weakening({**WET, "faults.main.pore_pressure": own})
+    with pytest.raises(CaseError, match=facts("remove faults.main.pore_pressure, or remove objective")):
+        parse_case(table)
+    with_given = merged(table, {"faults.main.pore_pressure": {"kind": "given", "pressure": 1e6}})
+    for changed in (merged(table, {"faults.main.pore_pressure": []}), merged(table, {"objective": []}), with_given):
+        Model(parse_case(changed))
+
+
 def test_gradients_around_an_axis_equal_central_differences() -> None:
     case = parse_case(slip_weakening({
         "plane": "axisymmetric", "order": 2, "duration": 6e-6, "objective": SLIP, "mesh": {

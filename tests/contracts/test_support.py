@@ -54,6 +54,8 @@ SMALL = {
     "faults.main.friction": AGEING, "faults.main.initial_stress": {"normal": 6e6, "shear": 3e6},
 }  # fmt: skip
 WATER = {"kind": "given", "pressure": 1e6}
+HEATED = {"kind": "thermal_pressurisation", "heat_capacity": 2.7e6, "thermal_diffusivity": 1e-6,
+          "hydraulic_diffusivity": 4e-4, "pressure_per_temperature": 0.1e6, "width": 20e-3}  # fmt: skip
 FEATURES: dict[str, dict[str, Any]] = {
     "plain": {},
     "sliding": {"faults.main.sliding": {}},
@@ -75,7 +77,7 @@ FEATURES: dict[str, dict[str, Any]] = {
     "temperature": {"faults.main.temperature": {"kind": "given", "temperature": 300.0}},
     "pore pressure and sliding": {"faults.main.pore_pressure": WATER, "faults.main.sliding": {}},
     "objective and pore pressure": {"objective": [{"kind": "final_slip", "sigma": 1e-6}],
-                                    "faults.main.pore_pressure": WATER},
+                                    "faults.main.pore_pressure": HEATED},
     "coulomb": {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.6}},
     "weakened": {"faults.main.nucleation": [{"kind": "friction_drop", "mu_d": 0.1, "center": 2e-3,
                                              "half_width": 1e-3}]},

@@ -11,7 +11,7 @@ in between with `FaultFields.values`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -82,8 +82,26 @@ class Contribution:
     """Whether it depends on the heat of friction."""
     is_aged: bool = False
     """Whether it depends on the state theta of the friction law."""
+    is_strained: bool = False
+    """Whether it depends on slip or on the normal stress."""
     flows: bool = False
     """Whether fluid flows along the interface."""
+
+    @property
+    def follows_motion(self) -> bool:
+        """True if it depends on the motion of the interface, so that gradients of a run would have a part by it."""
+        return self.is_heated or self.is_aged or self.is_strained
+
+    parameters: Mapping[str, np.ndarray] = {}
+    """Parameters by which a run is differentiated, by the key of the table, shapes (n,)."""
+
+    def slopes(self, time: float) -> dict[str, np.ndarray]:
+        """Return the derivatives of its field by its parameters at a time [s], shapes (n,)."""
+        return {}
+
+    def with_changes(self, changes: Mapping[str, np.ndarray]) -> Contribution:
+        """Return the contribution with changes added to its parameters, shapes (n,)."""
+        return self
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return its memory at the start of a run by name, shape (n,) or (n, values) each, in units of its own."""
@@ -130,6 +148,32 @@ class FaultFields:
     def is_aged(self) -> bool:
         """True if the state of the friction law changes a field."""
         return any(each.is_aged for each in self.contributions)
+
+    @property
+    def parameters(self) -> dict[str, np.ndarray]:
+        """The parameters of all contributions, by number and key: `fluid_0_pressure`."""
+        items = enumerate(self.contributions)
+        return {f"fluid_{n}_{name}": values for n, each in items for name, values in each.parameters.items()}
+
+    def change(self, time: float, changes: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the change of the pore pressure at a time [s] by those of parameters [Pa], shape (n,)."""
+        total = np.zeros(self.points)
+        for name, slope in self.slopes(time).items():
+            total += slope * changes[name]
+        return total
+
+    def slopes(self, time: float) -> dict[str, np.ndarray]:
+        """Return the derivatives of the pore pressure by all parameters at a time [s], shapes (n,)."""
+        items = enumerate(self.contributions)
+        return {f"fluid_{n}_{name}": slope for n, each in items for name, slope in each.slopes(time).items()}
+
+    def with_changes(self, changes: Mapping[str, np.ndarray]) -> FaultFields:
+        """Return the fields with changes added to parameters, by the names of `parameters`."""
+        made = []
+        for n, each in enumerate(self.contributions):
+            own = {name: changes[key] for name in each.parameters if (key := f"fluid_{n}_{name}") in changes}
+            made.append(each.with_changes(own) if own else each)
+        return replace(self, contributions=made)
 
     def memory(self, power: np.ndarray) -> FaultState:
         """Return the memory of all contributions at the start, from the power of friction [W/m2], shape (n,).

@@ -15,6 +15,11 @@ from ruptfx.interfaces.faults.fields import Contribution, Heating
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.laws.friction.time_weakening import weakened_fraction
 
+SIGNS = {"begin": 1.0, "end": -1.0}
+"""Change of the share of a field at each of its times."""
+TIMES = (*SIGNS, "rise")
+SUDDEN = 1e-30  # s, as `weakened_fraction`
+
 
 class KnownTable(Protocol):
     """A table of a known field has these keys, and one for its profile."""
@@ -39,17 +44,23 @@ def require_one_source(name: str, profile: object, table: KnownTable) -> None:
 
 
 class KnownField(Contribution):
-    """A field that depends on time and place only.
+    """A field that depends on time and place only: a course, between two times where these are given.
 
     Parameters
     ----------
     name : str
     at : callable, time -> ndarray, shape (n,)
+        Course of the field, of that of a unit profile where there is one.
+    parameters : dict of ndarray, shape (n,)
+        The profile by its key, and `begin`, `end` and `rise` [s] where the field acts for a time.
     """
 
-    def __init__(self, name: str, at: Callable[[float], np.ndarray]) -> None:
+    def __init__(
+        self, name: str, at: Callable[[float], np.ndarray], parameters: Mapping[str, np.ndarray] | None = None
+    ) -> None:  # fmt: skip
         self.adds = (name,)
-        self._at = at
+        self._at, self.parameters = at, dict(parameters or {})
+        self._profile = next((key for key in self.parameters if key not in TIMES), None)
 
     @classmethod
     def of(
@@ -65,13 +76,16 @@ class KnownField(Contribution):
         if table.file is not None:
             return cls.of_file(name, table.file, unit, face, key)
         assert profile is not None  # `require_one_source`
-        return cls.of_profile(name, profile, table.history, len(face.plus))
+        key = "temperature" if name == "temperature" else "pressure"
+        return cls.of_profile(name, key, profile, table.history, len(face.plus))
 
     @classmethod
-    def of_profile(cls, name: str, profile: np.ndarray | float, history: History | None, points: int) -> Self:
+    def of_profile(
+        cls, name: str, key: str, profile: np.ndarray | float, history: History | None, points: int
+    ) -> Self:  # fmt: skip
         """Return a profile, evaluated at the points, times a history."""
-        values = np.broadcast_to(profile, points)
-        return cls(name, lambda time: values * course(time, 0.0, history))
+        values, one = np.broadcast_to(profile, points), np.ones(points)
+        return cls(name, lambda time: one * course(time, 0.0, history), {key: values})
 
     @classmethod
     def of_file(cls, name: str, file: str, unit: str, face: Interface, key: str) -> Self:
@@ -106,17 +120,45 @@ class KnownField(Contribution):
         self, begin: np.ndarray | float | None, end: np.ndarray | float | None, rise: np.ndarray | float
     ) -> Self:  # fmt: skip
         """Return the field between two times [s], with linear rise and fall; None is before or after all times."""
-        at, times = self._at, [(1.0, begin), (-1.0, end)]
-        changes = [(sign, time) for sign, time in times if time is not None]
-
-        def factor(time: float) -> np.ndarray:
-            parts = [np.asarray(sign * weakened_fraction(time, change, rise)) for sign, change in changes]
-            return np.asarray(sum(parts) + float(begin is None))
-
-        return type(self)(self.adds[0], lambda time: factor(time) * at(time)) if changes else self
+        changes = {name: time for name, time in (("begin", begin), ("end", end)) if time is not None}
+        if not changes:
+            return self
+        points = np.shape(self._at(0.0))
+        times = {name: np.broadcast_to(value, points) for name, value in (changes | {"rise": rise}).items()}
+        return type(self)(self.adds[0], self._at, {**self.parameters, **times})
 
     def values(self, memory: Mapping[str, np.ndarray], time: float, heating: Heating) -> dict[str, np.ndarray]:
-        return {self.adds[0]: self._at(time + heating.elapsed)}
+        now = time + heating.elapsed
+        return {self.adds[0]: self._share(now) * self._size(now)}
+
+    def _size(self, time: float) -> np.ndarray:
+        """Return the field without its begin and end, shape (n,)."""
+        return self._at(time) * (1.0 if self._profile is None else self.parameters[self._profile])
+
+    def _share(self, time: float) -> np.ndarray:
+        """Return the part of the field that acts at a time [s]."""
+        changes = [(sign, self.parameters[name]) for name, sign in SIGNS.items() if name in self.parameters]
+        parts = (sign * weakened_fraction(time, change, self.parameters["rise"]) for sign, change in changes)
+        return np.asarray(sum(parts, float("begin" not in self.parameters)))
+
+    def slopes(self, time: float) -> dict[str, np.ndarray]:
+        """Return the derivatives of the field by its parameters; a sudden rise has none by its times."""
+        share = np.broadcast_to(self._share(time), np.shape(self._at(time)))
+        slopes = {} if self._profile is None else {self._profile: share * self._at(time)}
+        names = [name for name in SIGNS if name in self.parameters]
+        if not names:
+            return slopes
+        size, rise = self._size(time), np.maximum(self.parameters["rise"], SUDDEN)
+        slopes["rise"] = np.zeros_like(size)
+        for name in names:
+            part = (time - self.parameters[name]) / rise
+            slopes[name] = -SIGNS[name] * np.where((part > 0) & (part < 1), size / rise, 0.0)
+            slopes["rise"] += slopes[name] * part
+        return slopes
+
+    def with_changes(self, changes: Mapping[str, np.ndarray]) -> Self:
+        values = {name: value + changes.get(name, 0.0) for name, value in self.parameters.items()}
+        return type(self)(self.adds[0], self._at, values)
 
 
 def read_grid(path: Path, unit: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

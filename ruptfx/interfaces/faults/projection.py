@@ -77,6 +77,9 @@ def parameters_as_symbols(part: PartOfCase, prefix: str) -> tuple[Table, PartOfC
         elif isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
             values[f"{prefix}{name}"] = value
             changes[name] = symbol(f"{prefix}{name}")
+        elif isinstance(value, dict):  # numbers by name, as the initial fields of `InFields`
+            values |= {f"{prefix}{name}_{key}": number for key, number in value.items()}
+            changes[name] = {key: symbol(f"{prefix}{name}_{key}") for key in value}
     return values, part.substituted(changes)
 
 

@@ -23,6 +23,7 @@ from ruptfx.input.units import (
     Viscosity,
 )
 from ruptfx.interfaces.faults.fields import Contribution, Heating
+from ruptfx.interfaces.field_table import MOTION
 from ruptfx.interfaces.pore_pressure import PorePressure
 from ruptfx.interfaces.pore_pressure._along import Along, AlongStep, on_all_ranks
 from ruptfx.interfaces.pore_pressure._state import require_state
@@ -87,6 +88,7 @@ class Diffusion(PorePressure):
     state theta of the friction law. The field is the change of the pressure since the start plus `initial`.
     """
 
+    needs = frozenset({MOTION})
     source = "Segall and Rice (1995); SEAS benchmark BP6"
     example: ClassVar[str] = (
         '{ kind = "diffusion", permeability = 1e-13, viscosity = 1e-3, compressibility = 1e-8, porosity = 0.1, '
@@ -111,6 +113,10 @@ class Diffusion(PorePressure):
     """epsilon: pores open by epsilon when theta falls by a factor of e, where slip accelerates."""
     rim: Literal["no_flux", "fixed"] = "no_flux"
     """Rim of the interface: `no_flux`, or `fixed` for the initial pressure."""
+
+    @property
+    def follows_motion(self) -> bool:
+        return bool(callable(self.dilatancy) or np.any(self.dilatancy))
 
     def bind(self, model: System, face: Interface, key: str) -> PressureAlong:
         if np.any(self.dilatancy):

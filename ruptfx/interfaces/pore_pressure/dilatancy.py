@@ -9,6 +9,7 @@ import numpy as np
 
 from ruptfx.input.units import Compressibility, Duration, Fraction, VaryingCoefficient
 from ruptfx.interfaces.faults.fields import Contribution, Heating
+from ruptfx.interfaces.field_table import MOTION
 from ruptfx.interfaces.pore_pressure import PorePressure
 from ruptfx.interfaces.pore_pressure._state import require_state
 
@@ -27,6 +28,7 @@ class Dilatancy(PorePressure):
     the pressure fall, which stabilises slip.
     """
 
+    needs = frozenset({MOTION})
     source = "Segall and Rice (1995)"
     example: ClassVar[str] = (
         '{ kind = "dilatancy", coefficient = 1e-4, compressibility = 1e-8, porosity = 0.1, drainage_time = 0.1 }'

@@ -10,6 +10,7 @@ import numpy as np
 from ruptfx.input.units import HeatCapacity, PressurePerTemperature, VaryingDiffusivity, Width
 from ruptfx.interfaces.faults.across import Across
 from ruptfx.interfaces.faults.fields import Contribution, Heating
+from ruptfx.interfaces.field_table import MOTION
 from ruptfx.interfaces.pore_pressure import PorePressure
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class ThermalPressurisation(PorePressure):
     standard deviation w, or a plane with w = 0. Both are the changes since the start of the run.
     """
 
+    needs = frozenset({MOTION})
     source = "Sibson (1973); Lachenbruch (1980); Rice (2006); Noda and Lapusta (2010)"
     example: ClassVar[str] = (
         '{ kind = "thermal_pressurisation", heat_capacity = 2.7e6, thermal_diffusivity = 1e-6, '

@@ -454,7 +454,8 @@ def _scale(made: Objective, derivative: Derivative) -> float:
     if place.unit == "Pa":
         names.append("normal_stress_0")
     own = [float(np.abs(parameters[name]).max()) for name in names if np.size(parameters[name])]
-    return parallel.largest(made.model.comm, max(own, default=0.0)) or 1.0
+    none = made.case.duration if place.unit == "s" else 1.0
+    return parallel.largest(made.model.comm, max(own, default=0.0)) or none
 
 
 def refuse(model: Model) -> None:
@@ -480,6 +481,11 @@ def refuse(model: Model) -> None:
     for fault in model.faults:
         if fault.cohesion is not None:
             raise CaseError(f"faults.{fault.name}.cohesion: has no adjoint; remove it")
+        if any(each.follows_motion for each in fault.fields.contributions):
+            raise CaseError(
+                f"faults.{fault.name}.pore_pressure: follows the motion and has no adjoint; use kind = 'given', or "
+                "remove it"
+            )
     if case.stages:
         raise CaseError("stages: have no adjoint; remove them")
     if not model.quadratic:

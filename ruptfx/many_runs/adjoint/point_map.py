@@ -63,7 +63,8 @@ class PointMap:
     history : list of str
         Inputs that change from step to step: jumps, rates and `memory`.
     parameters : dict of str to ndarray, shape (n,)
-        Initial tractions, parameters of the law and numbers of the contact method.
+        Initial tractions, parameters of the law, numbers of the contact method, and parameters of the pore pressure.
+        The last ones act through the rates of the fields, which are in `memory`, and not within a step.
     """
 
     def __init__(self, fault: Fault, normal_impedance: Sequence[Floats], shear_impedance: Sequence[Floats]) -> None:
@@ -85,6 +86,7 @@ class PointMap:
         self.parameters |= {
             name: np.broadcast_to(np.asarray(value, float), self._n) for name, value in of_contact.items()
         }
+        self.parameters |= fault.fields.parameters
         self.inputs = [*self.history, *self.parameters]
         self._known: dict[str, list[Floats]] = {"gap": [np.zeros(self._n) if fault.gap is None else fault.gap] * 3}
         self._known["normal_impedance"] = list(normal_impedance)

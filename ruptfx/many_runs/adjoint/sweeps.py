@@ -29,6 +29,7 @@ from ruptfx.interfaces.faults.fault_step import impedances
 from ruptfx.interfaces.faults.held_points import coupled_points
 from ruptfx.interfaces.faults.points import Clock
 from ruptfx.interfaces.mechanisms.faults import Faults
+from ruptfx.laws.friction.in_fields import rate_of
 from ruptfx.many_runs.adjoint.history import LARGEST
 from ruptfx.many_runs.adjoint.point_map import InitialMap, PointMap
 from ruptfx.many_runs.adjoint.readings import Readings
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from ruptfx.stepping.steppers.leapfrog import LeapfrogMotion
 
 Floats = NDArray[np.float64]
+RATE = rate_of("pore_pressure")
 Told = Callable[[float, str], None]
 
 
@@ -144,6 +146,7 @@ class Sweeps:
             for each in self.points
         ]
         self.parameters = [np.array(list(each.parameters.values())) for each in self.points]
+        self._pressures = [PressureMap(each) for each in self.points]
         self.samples = self.run_again(tell)
 
     def _point_map(self, motion: LeapfrogMotion, number: int) -> PointMap:
@@ -184,6 +187,7 @@ class Sweeps:
         """
         size = len(self.model.mass)
         u, v = np.zeros(size), np.zeros(size)
+        changes = [each.with_initial(dp) for each, dp in zip(self._pressures, changes, strict=True)]
         memory = [each.push(p, dp) for each, p, dp in zip(self._initial, self.parameters, changes, strict=True)]
         fields: dict[str, dict[str, Floats]] = {}
         self.readings.observe_change(0, u, v, fields)
@@ -198,6 +202,7 @@ class Sweeps:
                 if (load := loads(number, time)) is not None:
                     dp = dp.copy()
                     dp[1 : 1 + points.fault.tangents] += points.fault.shear_direction.T * load
+                self._pressures[number].push(memory[number], dp, time, clock.since)
                 values = np.concatenate([face.rate(u).T, face.rate(v).T, memory[number], dp])
                 result = points.found(row, visit.after[number], clock)
                 changed = points.push(kick, clock, row, parameters, result, values)
@@ -282,6 +287,7 @@ class Sweeps:
                 add_jump(face, fields.b, None, pulled[local : 2 * local])
                 memory[number] = pulled[2 * local : 2 * local + width]
                 of_parameters = pulled[2 * local + width :]
+                self._pressures[number].pull(memory[number], of_parameters, time, clock.since)
                 gradient[number] += of_parameters
                 each_step(number, time, of_parameters)
             if step:  # displacement and velocity at the start are given
@@ -289,6 +295,7 @@ class Sweeps:
             tell(1 - step / self.steps, f"backward  step {step} of {self.steps}")
         for number, initial in enumerate(self._initial):
             gradient[number] += initial.pull(self.parameters[number], memory[number])
+            self._pressures[number].pull_initial(gradient[number])
         return gradient
 
     def _empty(self, memory: list[Floats]) -> tuple[list[Floats], dict[str, dict[str, Floats]]]:
@@ -332,6 +339,59 @@ class Sweeps:
         self.model.layout.sum_shared(force)
         force *= viscosity.eta
         return force
+
+
+class PressureMap:
+    """The rate of a known pore pressure as a function of the pressure before a step and of its parameters.
+
+    The rate is (p(t) - p_before) / dt, with p(t) from the parameters, so that the pressure of a step is p(t) whatever
+    the pressure before; the first one is an initial value of the law.
+    """
+
+    def __init__(self, points: PointMap) -> None:
+        self._fields = points.fault.fields
+        if not self._fields:
+            return
+        self._names = list(points.parameters)
+        self._pressure, self._rate = (points.memory.index(f"s_{name}") for name in ("pore_pressure", RATE))
+        self._initial = next(
+            n for n, name in enumerate(self._names) if name.startswith("p_") and name.endswith("initial_pore_pressure")
+        )
+
+    def _by_name(self, rows: Floats) -> dict[str, Floats]:
+        return {name: rows[self._names.index(name)] for name in self._fields.parameters}
+
+    def with_initial(self, changes: Floats) -> Floats:
+        """Return changes of the parameters with that of the initial pressure, shape (parameters, n)."""
+        if not self._fields:
+            return changes
+        changes = changes.copy()
+        changes[self._initial] += self._fields.change(0.0, self._by_name(changes))
+        return changes
+
+    def push(self, memory: Floats, changes: Floats, time: float, since: float) -> None:
+        """Set the change of the rate in a step that ends at a time [s], in place."""
+        if self._fields:
+            end = self._fields.change(time, self._by_name(changes))
+            memory[self._rate] = (end - memory[self._pressure]) / since if since > 0 else 0.0
+
+    def pull(self, memory: Floats, of_parameters: Floats, time: float, since: float) -> None:
+        """Move the factor of the rate to those of the pressure before and of the parameters, in place."""
+        if not self._fields:
+            return
+        of_end = memory[self._rate] / since if since > 0 else np.zeros_like(memory[self._rate])
+        memory[self._rate] = 0.0
+        memory[self._pressure] -= of_end
+        self._add(of_parameters, of_end, time)
+
+    def pull_initial(self, of_parameters: Floats) -> None:
+        """Add the factors by the initial pressure to those of the parameters, in place."""
+        if self._fields:
+            self._add(of_parameters, of_parameters[self._initial], 0.0)
+
+    def _add(self, of_parameters: Floats, factor: Floats, time: float) -> None:
+        for name, slope in self._fields.slopes(time).items():
+            of_parameters[self._names.index(name)] += slope * factor
 
 
 class _BodyTangent:

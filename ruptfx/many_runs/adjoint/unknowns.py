@@ -14,8 +14,10 @@ from ruptfx.input.profiles import evaluate
 from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, nearest, unit_of
 from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.faults.fields import FaultFields
 from ruptfx.interfaces.mechanisms import mechanisms_of
 from ruptfx.laws.friction import FrictionLaw
+from ruptfx.laws.friction.in_fields import InFields
 from ruptfx.laws.nucleation import Nucleation
 from ruptfx.many_runs.adjoint.bodies import constants_of
 from ruptfx.platform import parallel
@@ -23,6 +25,7 @@ from ruptfx.readings.misfits import Misfit, Unknown
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.faults.interface import Interface
+    from ruptfx.interfaces.pore_pressure import PorePressure
     from ruptfx.run.model import Model
 
 Floats = NDArray[np.float64]
@@ -206,11 +209,14 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:  # no
         law, prefix = law.law, f"{prefix}law_"  # type: ignore[attr-defined]
     path = f"{key}.friction"
     while True:
+        if isinstance(law, InFields):  # of no key of the case
+            law, prefix = law.law, f"{prefix}law_"
         for name in _numbers(law):
             yield Place(f"{path}.{name}", unit_of(type(law), name), number, ((prefix + name, 1.0),))
         if getattr(law, "law", None) is None:
             break
         law, prefix, path = law.law, f"{prefix}law_", f"{path}.law"  # type: ignore[attr-defined]
+    yield from _of_fluids(of_case.pore_pressure, fault.fields, key, number)
     for name in type(fault.contact).model_fields:
         if unit_of(type(fault.contact), name) == STIFFNESS:
             yield Place(f"{key}.contact.{name}", STIFFNESS, number, ((f"c_{name}", 1.0),))
@@ -218,6 +224,16 @@ def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:  # no
         if "extra" in type(each).model_fields:
             one = each.substituted({"extra": 1.0})
             yield Place(f"{key}.nucleation.{index}.extra", unit_of(type(each), "extra"), number, nucleation=one)
+
+
+def _of_fluids(tables: Sequence[PorePressure], fields: FaultFields, key: str, number: int) -> Iterator[Place]:
+    """Yield the parameters of known pore pressures, times only where the pressure rises in a time."""
+    for index, (table, each) in enumerate(zip(tables, fields.contributions, strict=False)):  # temperatures come last
+        for name, values in each.parameters.items():
+            if name == "pressure" or np.all(each.parameters["rise"] > 0):
+                row = f"fluid_{index}_{name}"
+                assert row in fields.parameters and np.ndim(values) == 1
+                yield Place(f"{key}.pore_pressure.{index}.{name}", unit_of(type(table), name), number, ((row, 1.0),))
 
 
 def _numbers(law: FrictionLaw) -> list[str]:
@@ -248,7 +264,8 @@ def perturbed(
         shear = fault.shear_traction_0.copy()
         for k in range(fault.tangents):
             shear[:, k] += mine.get(f"shear_traction_0_{k}", 0.0)
-        law = _with(fault.friction, "p_", mine)
+        fields = fault.fields.with_changes(mine)
+        law = _with(fault.friction, "p_", mine, fields)
         normal = fault.normal_stress_0 + mine.get("normal_stress_0", 0.0)
         nucleation = list(fault.nucleation)
         for (which, index), change in (amplitudes or {}).items():
@@ -257,18 +274,20 @@ def perturbed(
                 extra = evaluate(each.extra, places) + change  # type: ignore[attr-defined]
                 nucleation[index] = each.substituted({"extra": extra})
         view.faults.append(replace(
-            fault, friction=law, shear_traction_0=shear, normal_stress_0=normal, nucleation=tuple(nucleation)
+            fault, friction=law, shear_traction_0=shear, normal_stress_0=normal, nucleation=tuple(nucleation),
+            fields=fields,
         ))  # fmt: skip
     view.mechanisms = mechanisms_of(view)
     return view
 
 
-def _with(part: FrictionLaw, prefix: str, changes: Mapping[str, Floats]) -> FrictionLaw:
-    new: dict[str, object] = {}
+def _with(part: FrictionLaw, prefix: str, changes: Mapping[str, Floats], fields: FaultFields) -> FrictionLaw:
+    """Return a law with changed parameters, and with the initial values of the fields of its interface."""
+    new: dict[str, object] = {"initial": fields.initial()} if isinstance(part, InFields) else {}
     for name in type(part).model_fields:
         value = getattr(part, name)
         if isinstance(value, FrictionLaw):
-            new[name] = _with(value, f"{prefix}{name}_", changes)
+            new[name] = _with(value, f"{prefix}{name}_", changes, fields)
         elif prefix + name in changes:
             new[name] = value + changes[prefix + name]
     return part.substituted(new)
