@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ruptfx import RuptfxError
 from ruptfx.input.quantities import with_prefix
-from ruptfx.platform.launch import is_first_rank
+from ruptfx.platform.launch import end_all, is_first_rank
 from ruptfx.results import directories
 
 if TYPE_CHECKING:
@@ -96,8 +96,12 @@ def number_text(value: str | float | tuple[float, str] | list[Any]) -> str:
 
 
 def _shown(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Print an error of ruptfx in one line, others as usual; Python then exits with 1."""
+    """Print an error of ruptfx, which all ranks have, in one line; of others the traceback, and end all ranks."""
     if isinstance(error, RuptfxError):
-        sys.stderr.write(f"error: {error}\n")
-    else:
-        sys.__excepthook__(kind, error, trace)
+        if is_first_rank():
+            sys.stderr.write(f"error: {error}\n")
+        return
+    sys.__excepthook__(kind, error, trace)
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi is not None and mpi.COMM_WORLD.size > 1:
+        end_all(mpi.COMM_WORLD)

@@ -11,12 +11,17 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ruptfx import RuptfxError
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
 STOP = "RUPTFX_STOP"  # path of the file with which the launcher asks the ranks to stop
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGXCPU)
@@ -49,6 +54,13 @@ def is_first_rank() -> bool:
     """Return whether this process is rank 0, or runs alone, without loading MPI: from what its launcher has set."""
     set_by = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")  # Open MPI, MPICH, others
     return next((os.environ[name] for name in set_by if name in os.environ), "0") == "0"
+
+
+def end_all(comm: Comm) -> None:
+    """End all ranks after an error of this one: others may wait for it."""
+    sys.stderr.flush()
+    time.sleep(0.5)  # let mpiexec forward the message before the abort
+    comm.Abort(RuptfxError.exit_code)
 
 
 def find_mpiexec() -> str:

@@ -33,6 +33,27 @@ def test_no_rank_hangs_where_another_one_fails(tmp_path: Path) -> None:
         ]  # fmt: skip
 
 
+def run_script(*lines: str) -> subprocess.CompletedProcess[str]:
+    """Run a script on two ranks."""
+    head = "from mpi4py import MPI; from ruptfx import RuptfxError; from ruptfx.app.script import begin; begin()"
+    program = "\n".join([head, *lines])
+    return subprocess.run(
+        [find_mpiexec(), "-n", "2", sys.executable, "-c", program], capture_output=True, text=True, check=False,
+        timeout=120, env=mpi_environment(2),
+    )  # fmt: skip
+
+
+def test_an_error_of_all_ranks_of_a_script_is_printed_once() -> None:
+    done = run_script("raise RuptfxError('key = 3: at most 2')")
+    assert done.returncode != 0 and done.stderr.count("error: key = 3: at most 2") == 1
+
+
+def test_a_script_does_not_hang_where_one_rank_fails() -> None:
+    """Rank 0 divides by zero; rank 1 waits for it in a barrier."""
+    done = run_script("1 / MPI.COMM_WORLD.rank if MPI.COMM_WORLD.rank == 0 else MPI.COMM_WORLD.Barrier()")
+    assert done.returncode != 0 and done.stderr.count("ZeroDivisionError") == 1
+
+
 def test_ranks_without_elements(tmp_path: Path) -> None:
     """Two elements that face each other are one pair, for one rank. The number of ranks in the message works."""
     for length, ranks in ((1e-3, 2), (4e-3, 8)):

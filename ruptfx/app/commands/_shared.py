@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
@@ -123,7 +122,7 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
             raise
         _print_error("case error", exit_error)
         if comm is not None and comm.size > 1:
-            _end_all(comm)
+            launch.end_all(comm)
         raise typer.Exit(EXIT_ERROR) from None
     except Exception as error:
         from ruptfx.results.outputs import unwritable
@@ -131,12 +130,12 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
         if isinstance(error, OSError) and (known := unwritable(Path(str(error.filename or "a file")), error)):
             _print_error("error", known)
             if comm is not None and comm.size > 1:
-                _end_all(comm)
+                launch.end_all(comm)
             raise typer.Exit(EXIT_ERROR) from None
         if comm is None or comm.size == 1:
             raise
         sys.stderr.write(traceback.format_exc())
-        _end_all(comm)
+        launch.end_all(comm)
     finally:
         if token is not None:
             plugins.telling.reset(token)
@@ -191,12 +190,6 @@ def _notes(shown: bool) -> Iterator[None]:
 def _print_error(label: str, error: Exception) -> None:
     errors.print(f"{label}: ", style="bold red", end="")
     errors.print(str(error), soft_wrap=True)
-
-
-def _end_all(comm: MPI.Comm) -> None:
-    sys.stderr.flush()
-    time.sleep(0.5)  # let mpiexec forward the message before the abort
-    comm.Abort(EXIT_ERROR)
 
 
 @contextmanager
