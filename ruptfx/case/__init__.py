@@ -104,20 +104,6 @@ class FaultCase(Part):
     def _as_list(cls, value: object) -> object:
         return [value] if isinstance(value, dict) else value
 
-    @model_validator(mode="before")
-    @classmethod
-    def _fluid_of_friction(cls, values: object) -> object:
-        """Read the former friction law `pressurised` as a pore pressure around the law inside it."""
-        while isinstance(values, Mapping) and isinstance(law := values.get("friction"), Mapping):
-            if law.get("kind") != "pressurised":
-                break
-            warn_of_former("of friction the kind", "pressurised", "pore_pressure.given")
-            fluid = {"begin": 0.0, **{key: value for key, value in law.items() if key != "law"}, "kind": "given"}
-            others = values.get("pore_pressure", [])
-            others = [others] if isinstance(others, Mapping) else others
-            values = {**values, "friction": law.get("law"), "pore_pressure": [*others, fluid]}
-        return values
-
     @model_validator(mode="after")
     def _rubs_or_slips(self) -> Self:
         if self.friction is None and not self.prescribed_slip:
@@ -138,6 +124,19 @@ class FaultCase(Part):
     def law(self) -> FrictionLaw:
         """The friction law; one without effect where all slip is prescribed."""
         return Coulomb(mu_d=0.0) if self.friction is None else self.friction
+
+
+def _with_fluid(fault: object) -> object:
+    """Return the table of an interface with a pore pressure around its law, in place of `pressurised`."""
+    while isinstance(fault, Mapping) and isinstance(law := fault.get("friction"), Mapping):
+        if law.get("kind") != "pressurised" or fault.get("sliding") is not None:
+            break
+        warn_of_former("of friction the kind", "pressurised", "pore_pressure.given")
+        fluid = {"begin": 0.0, **{key: value for key, value in law.items() if key != "law"}, "kind": "given"}
+        others = fault.get("pore_pressure", [])
+        others = [others] if isinstance(others, Mapping) else others
+        fault = {**fault, "friction": law.get("law"), "pore_pressure": [*others, fluid]}
+    return fault
 
 
 Velocity = Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s")]
@@ -313,6 +312,15 @@ class Case(CaseFile):
     """Successive stages with other boundaries and damping: press, hold, shear."""
     stop_when: StopWhen | None = None
     """Rules that stop the run before its duration."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fluids_of_friction(cls, values: object) -> object:
+        """Read the former friction law `pressurised` as a pore pressure, where interfaces have one."""
+        faults = values.get("faults") if isinstance(values, Mapping) else None
+        if not isinstance(values, Mapping) or not isinstance(faults, Mapping) or values.get("fracture") is not None:
+            return values
+        return {**values, "faults": {name: _with_fluid(fault) for name, fault in faults.items()}}
 
     @model_validator(mode="before")
     @classmethod

@@ -525,6 +525,7 @@ def own_kinds(package: str) -> list[str]:
     """Return the names of the files in a folder of alternatives, without those that its kinds share.
 
     The tuple `SHARED` of a folder names the files that other rooms use, too; the names of others begin with ``_``.
+    `FORMER_KINDS` has those of them that cases of the last version name as kinds, and what to write now.
     """
     folder = importlib.import_module(package)
     shared = getattr(folder, "SHARED", ())
@@ -642,7 +643,10 @@ def find(package: str, kind: str) -> type[Alternative]:
     if (cls := from_outside(package, kind)) is not None:
         assert issubclass(cls, Alternative)
         return cls
-    if kind not in own_kinds(package):
+    former = getattr(importlib.import_module(package), "FORMER_KINDS", {})
+    if kind in former:
+        warn_of_former(f"in {package} the kind", kind, former[kind])
+    elif kind not in own_kinds(package):
         for name in own_kinds(package):
             if kind in _former_kinds(package, name):
                 warn_of_former(f"in {package} the kind", kind, name)

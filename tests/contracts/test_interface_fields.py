@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.crack_cases import HERE, block
+from helpers.crack_cases import faulted as broken
 from helpers.small_cases import branched, case, march, merged, plates, slip_weakening, strike_slip
 from helpers.strike_cases import faulted
 from helpers.whole_runs import whole_and_resumed
@@ -354,6 +356,54 @@ def test_the_former_law_of_a_fluid_is_a_known_pressure(stepper: str) -> None:
     assert np.abs(theirs[0][:, 1]).max() > 0
     np.testing.assert_allclose(ours[0][:, 1:3], theirs[0][:, 1:3], rtol=1e-9)
     np.testing.assert_allclose(ours[1], theirs[1], rtol=1e-9)
+
+
+PRESSED = {"kind": "pressurised", "pressure": 2e6, "begin": 1e-6, "end": 5e-6, "rise": 1e-6,
+           "law": {"kind": "coulomb", "mu_d": 0.4}}  # fmt: skip
+INSIDE = {"kind": "prakash_clifton", "L_p": 4e-5, "law": PRESSED}
+FORMER: dict[str, dict[str, Any]] = {
+    "inside a law": plates({"faults.main.friction": INSIDE}),
+    "finite sliding": plates({
+        "faults.main.friction": PRESSED, "faults.main.sliding": {},
+        "faults.main.contact": SLIDES["faults.main.contact"]}),
+    "on facets": block({"fracture.default.friction": PRESSED}),
+    "beside facets": broken({"faults.main.friction": PRESSED}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("place", FORMER)
+def test_the_former_law_of_a_fluid_acts_as_before_where_interfaces_have_no_pressure(place: str) -> None:
+    """0.4 (6 - 2) MPa at its full pressure, 0.4 (6 - 1) MPa halfway up, 0.4 6 MPa before and after."""
+    with pytest.warns(FormerName, match=facts("'pressurised'")):
+        read: Any = parse_case(FORMER[place], HERE)
+    if place == "on facets":
+        law = read.fracture.default.friction
+    else:
+        assert not read.faults["main"].pore_pressure
+        law = read.faults["main"].friction
+    inner = law.law if place == "inside a law" else law
+    assert inner.kind() == "pressurised"
+    clock, one = np.array([0.5e-6, 1.5e-6, 3e-6, 7e-6]), np.ones(4)
+    strength = inner.strength(one, 6e6 * one, {"clock": clock})
+    np.testing.assert_allclose(strength, 0.4e6 * np.array([6.0, 5.0, 4.0, 6.0]), rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::ruptfx.input.former_names.FormerName")
+def test_a_slider_refuses_the_former_law_of_a_fluid_with_a_remedy() -> None:
+    slider = {"kind": "spring_slider", "friction": PRESSED}
+    with pytest.raises(CaseError, match=facts("friction.kind = 'pressurised': use rate_and_state_ageing")):
+        parse_case(slider)
+    assert parse_case({**slider, "friction": SLIDES["faults.main.friction"]}).kind() == "spring_slider"
+
+
+@pytest.mark.filterwarnings("ignore::ruptfx.input.former_names.FormerName")
+def test_the_former_law_of_a_fluid_inside_another_law_weakens_in_steps() -> None:
+    _, _, state = march(case({**SLIDES, **FAST, "faults.main.friction": {
+        **INSIDE, "law": {**PRESSED, "end": 1e-3}}}))  # fmt: skip
+    fields = state.faults["main"]
+    np.testing.assert_allclose(fields["clock"], state.fault_time, rtol=1e-12)
+    sliding = fields["slip_rate"] > 0
+    assert sliding.any() and fields["shear_traction"][sliding].max() < 0.4 * 4.1e6
 
 
 def test_a_known_pressure_begins_and_ends_at_times_that_vary() -> None:

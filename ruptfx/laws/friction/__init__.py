@@ -153,3 +153,5 @@ else:
 
 SHARED = ("in_fields", "lengths", "pressurised", "rate_and_state_base")
 """Files of this folder that are no kinds."""
+FORMER_KINDS = {"pressurised": "pore_pressure.given"}
+"""Those that cases of the last version name as kinds: inside other laws, and on facets."""
