@@ -10,11 +10,12 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ruptfx.bodies.meshes.lobatto import Basis
-from ruptfx.interfaces.sliding.mortar import OVERHANG, REACH, SLIVER, Coupling, Mortar, MortarPairing, dual_basis
+from ruptfx.interfaces.sliding.coupling import OVERHANG, REACH, SLIVER, Coupling, MortarPairing
+from ruptfx.interfaces.sliding.mortar import LineMortar, dual_basis
 from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
 
 
-class MortarReference(Mortar):
+class MortarReference(LineMortar):
     """The coupling of two surfaces."""
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
@@ -67,14 +68,15 @@ class MortarReference(Mortar):
             (block.ravel(), (np.repeat(rows, other + 1), np.repeat(columns, order + 1, axis=0).ravel())), shape=(n, m)
         )
         weight = np.asarray(coupling.sum(axis=1)).ravel()
-        turned, nodal = np.zeros((n, 2)), self.plus.lengths
+        turned, nodal = np.zeros((n, 2)), self.plus.measures
         np.add.at(turned, rows, tangent)
         covered = weight > SLIVER * nodal
-        turned[~covered] = self._own_tangent(plus)[~covered]
+        turned[~covered] = self.plus.sum_at_nodes(self.plus.directions(plus))[~covered]
         scale = sparse.diags(np.where(covered, 1 / np.where(covered, weight, 1.0), 0.0))
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         rows_of = Coupling(np.zeros(n, dtype=np.int64), (scale @ coupling).toarray(), m)
-        return MortarPairing(rows_of, np.where(covered, weight, nodal), turned, covered)
+        normal = np.stack([-turned[:, 1], turned[:, 0]], axis=1)
+        return MortarPairing(rows_of, np.where(covered, weight, nodal), normal, covered)
 
     def _overlaps(
         self, corners: Floats, facing: Floats, along: Floats, length: Floats

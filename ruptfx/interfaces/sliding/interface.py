@@ -25,7 +25,8 @@ from ruptfx.bodies.meshes.lobatto import nodes_between
 from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.interfaces.faults.interface import Interface, Line, local_frame
 from ruptfx.interfaces.sliding import Sliding
-from ruptfx.interfaces.sliding.mortar import COLUMNS, Coupling, Mortar
+from ruptfx.interfaces.sliding.coupling import COLUMNS, Coupling
+from ruptfx.interfaces.sliding.mortar import Mortar
 from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
@@ -113,7 +114,7 @@ class Geometry:
             return
         there = self.minus.points if rigid else self.minus.points + displacement[n:]
         result = self._mortar.find(self.plus.points + displacement[:n], there)
-        self.frame[:] = local_frame(np.stack([-result.tangent[:, 1], result.tangent[:, 0]], axis=1))
+        self.frame[:] = local_frame(result.normal)
         self._acting[:] = self.frame * result.covered[:, None, None]
         self.opposite, self.weight[:], self.covered = result.coupling, result.weight, result.covered
         self.all_covered = bool(self.covered.all())
@@ -220,7 +221,7 @@ class SlidingInterface(Interface):
         met = np.zeros(coupling.nodes + coupling.values.shape[1])
         np.add.at(met, coupling.first[:, None] + np.arange(coupling.values.shape[1]), coupling.values)
         alone = np.concatenate([~self.covered, met[: coupling.nodes] == 0])
-        return self.nodes[alone], np.concatenate([plus.lengths, minus.lengths[: coupling.nodes]])[alone]
+        return self.nodes[alone], np.concatenate([plus.measures, minus.measures[: coupling.nodes]])[alone]
 
     def jump(self, field: Floats) -> Floats:
         return self.geometry.offset + self.rate(field)

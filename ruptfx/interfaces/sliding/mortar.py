@@ -24,94 +24,17 @@ Source: Wohlmuth (2000), Popp et al. (2009) for dual mortars; here on GLL nodes,
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
 from ruptfx import RuptfxError
+from ruptfx.interfaces.sliding.coupling import OVERHANG, REACH, SLIVER, Coupling, MortarPairing, whole
+from ruptfx.interfaces.sliding.mortar_surfaces import SurfaceMortar
 from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
 from ruptfx.platform.codegen import native
 from ruptfx.platform.codegen.native import address
-
-REACH = 10  # largest distance of paired surfaces, in facets of either side
-OVERHANG = 0.02  # part of a facet: tolerated overhang at the ends of two aligned bodies that tilt
-SLIVER = 1e-9  # part of a facet: shorter overlaps are not integrated
-COLUMNS = 8  # rows of B are padded to a multiple of this
-
-
-def whole(columns: int) -> int:
-    """Return the next multiple of `COLUMNS`."""
-    return -(-columns // COLUMNS) * COLUMNS
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """Matrix B: the partner of a point is a weighted mean of consecutive nodes of the other side.
-
-    Attributes
-    ----------
-    first : ndarray of int, shape (n,)
-        First node of every row; 0 for points without a partner.
-    values : ndarray, shape (n, columns)
-        Weights of the nodes from there on, zero beyond the partner; the same number of columns in all rows.
-    nodes : int
-        Number of nodes of the other side.
-    """
-
-    first: Integers
-    values: Floats
-    nodes: int
-
-    def __matmul__(self, nodal: Floats) -> Floats:
-        """Return B times values at the nodes of the other side, shape (nodes, ...)."""
-        if not self.nodes:
-            return np.zeros((len(self.first), *nodal.shape[1:]))
-        columns = np.minimum(self.first[:, None] + np.arange(self.values.shape[1]), self.nodes - 1)
-        values: Floats = np.einsum("ij,ij...->i...", self.values, nodal[columns])
-        return values
-
-    def squared(self) -> Coupling:
-        """Return the matrix with the squares of all entries."""
-        return Coupling(self.first, self.values**2, self.nodes)
-
-    def transposed(self) -> Coupling:
-        """Return B': consecutive points paired with every node of the other side."""
-        point, column = np.nonzero(self.values)
-        node = self.first[point] + column
-        first, last = np.zeros((2, self.nodes), dtype=np.int64)
-        first[node[::-1]], last[node] = point[::-1], point  # in order: the last assignment counts
-        values = np.zeros((self.nodes, whole(int(np.max(last - first, initial=0)) + 1)))
-        values[node, point - first[node]] = self.values[point, column]
-        return Coupling(first, values, len(self.first))
-
-    def nearest(self) -> Integers:
-        """Return the node with the largest weight of every point."""
-        return self.first + np.argmax(self.values, axis=1)
-
-
-@dataclass(frozen=True)
-class MortarPairing:
-    """Mortar pairing at one time.
-
-    Attributes
-    ----------
-    coupling : Coupling
-        B; zero rows for points without a partner.
-    weight : ndarray, shape (n,)
-        Length of every point [m]; the tributary length for points without a partner.
-    tangent : ndarray, shape (n, 2)
-        Unit tangent of the minus side.
-    covered : ndarray of bool, shape (n,)
-        Whether the point has a partner.
-    """
-
-    coupling: Coupling
-    weight: Floats
-    tangent: Floats
-    covered: NDArray[np.bool_]
 
 
 def dual_basis(plus: Surface, at: Floats, weights: Floats) -> Floats:
@@ -124,7 +47,18 @@ def dual_basis(plus: Surface, at: Floats, weights: Floats) -> Floats:
 
 
 class Mortar:
-    """The mortar coupling of two surfaces."""
+    """The mortar coupling of the two sides of an interface: of chains in a plane, of surfaces in space."""
+
+    def __init__(self, plus: Surface, minus: Surface) -> None:
+        self._mortar = (LineMortar if plus.points.shape[1] == 2 else SurfaceMortar)(plus, minus)
+
+    def find(self, plus: Floats, minus: Floats) -> MortarPairing:
+        """Return the pairing for coordinates of the nodes, shapes (n, dim) and (nodes of the minus side, dim) [m]."""
+        return self._mortar.find(plus, minus)
+
+
+class LineMortar:
+    """The mortar coupling of two chains."""
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
         self.plus, self.minus = plus, minus
@@ -134,7 +68,7 @@ class Mortar:
         # Legendre coefficients of the dual basis, and of the coordinates of the nodes.
         self._dual = np.ascontiguousarray(dual_basis(plus, at, weights) @ basis.inverse.T)
         self._shape = np.ascontiguousarray(np.einsum("ka,fac->fck", basis.inverse, corners))
-        self._nodal, self._length = plus.shares, plus.lengths
+        self._nodal, self._length = plus.shares, plus.measures
         macros = {
             "PLUS": plus.order, "MINUS": minus.order, "GAUSS": len(at), "REACH": REACH, "OVERHANG": OVERHANG,
             "SLIVER": SLIVER,
@@ -189,10 +123,11 @@ class Mortar:
         covered = weight > SLIVER * self._length
         if not covered.all():
             values[~covered], weight[~covered] = 0.0, self._length[~covered]
-            tangent[~covered] = self._own_tangent(plus)[~covered]
+            tangent[~covered] = self.plus.sum_at_nodes(self.plus.directions(plus))[~covered]
         values /= weight[:, None]
         tangent /= np.hypot(*tangent.T)[:, None]
-        return MortarPairing(Coupling(first, values, len(minus)), weight, tangent, covered)
+        normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+        return MortarPairing(Coupling(first, values, len(minus)), weight, normal, covered)
 
     def _overlaps(self, plus: Floats, minus: Floats) -> tuple[int, Floats]:
         """Return the number of overlaps, and the covered part of every facet."""
@@ -221,13 +156,6 @@ class Mortar:
         first[inner], last[inner] = np.minimum(begin[1:], begin[:-1]), np.maximum(end[1:], end[:-1])
         columns = int(np.max(last - first, initial=1))
         return np.where(last > 0, first, 0), whole(columns)
-
-    def _own_tangent(self, plus: Floats) -> Floats:
-        """Return the mean tangent of the plus side at its nodes, not normalised."""
-        slopes = np.einsum("gb,fbc->fgc", self.plus.basis.slopes(self.plus.basis.points), plus[self.plus.numbers])
-        tangent = np.zeros_like(plus)
-        np.add.at(tangent, self.plus.numbers, slopes)
-        return tangent
 
 
 def _pointer(array: Floats | Integers) -> ctypes.c_void_p:

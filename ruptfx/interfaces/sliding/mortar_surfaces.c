@@ -1,0 +1,587 @@
+// Mortar pairing of surfaces: overlaps of facets, the dual mortar on them, rows of B. mortar_surfaces.py defines them;
+// the tests have a NumPy version (tests/helpers/reference_mortar_surfaces.py). It writes in front of this file PLUS and
+// MINUS, the orders of both sides, LINE, the points of quadrature along a direction, LEAF, OVERHANG and SLIVER.
+#include <math.h>
+#include <string.h>
+
+#define INLINE static inline __attribute__((always_inline))
+enum {
+    OWN = (PLUS + 1) * (PLUS + 1), OTHER = (MINUS + 1) * (MINUS + 1), CELLS = PLUS * PLUS, PIECES = MINUS * MINUS,
+    HIGHEST = PLUS > MINUS ? PLUS : MINUS, POINTS = LINE * LINE,
+    SUMS = (OTHER + OWN + 3 + 7) / 8 * 8,  // columns of a quadrature: N, l, normal
+    CORNERS = 12,                          // of a quadrilateral cut by another one, with room for one that is not convex
+};
+#define WHOLE 1e-6  // part of a cell by which its covered area may differ from all of it
+#define FLAT 1e-12  // part of an area: smaller corners are removed from polygons
+enum { COVERED_TWICE = -1, FOLDED = -2 };
+
+// A side of the interface: coordinates, nodes of facets, and coefficients of Legendre polynomials from nodal values.
+struct side {
+    const double *x;
+    const long *numbers;
+    const double *inverse, *nodes;
+};
+// Bilinear cell between neighbouring nodes of a facet: corners in turn, middle and radius.
+struct cell { double corner[4][3], middle[3], radius; };
+// Pair of a cell of the plus side and one of the minus side, with their overlap in the mean plane of the first.
+struct pair {
+    long cell, facet, piece;
+    int corners;
+    double polygon[CORNERS][2], map[4][2];
+};
+// Mean plane of a cell of the plus side: origin, axes, bilinear map and area.
+struct plane { double origin[3], axis[3][3], map[4][2], area; };
+// Coupling of a facet with one of the other side.
+struct block { double values[OWN][OTHER]; };
+
+INLINE double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+INLINE void cross3(const double *a, const double *b, double *c)
+{
+    c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+INLINE void cell_of(const struct side *side, int order, long facet, long number, struct cell *cell)
+{
+    const long *nodes = side->numbers + facet * (order + 1) * (order + 1);
+    const long first = number / order * (order + 1) + number % order;
+    const long corner[4] = {first, first + order + 1, first + order + 2, first + 1};
+    for (int c = 0; c < 3; c++) {
+        for (int i = 0; i < 4; i++) cell->corner[i][c] = side->x[3 * nodes[corner[i]] + c];
+        cell->middle[c] = 0.25 * (cell->corner[0][c] + cell->corner[1][c] + cell->corner[2][c] + cell->corner[3][c]);
+    }
+    cell->radius = 0;
+    for (int i = 0; i < 4; i++) {
+        double arm[3];
+        for (int c = 0; c < 3; c++) arm[c] = cell->corner[i][c] - cell->middle[c];
+        cell->radius = fmax(cell->radius, sqrt(dot3(arm, arm)));
+    }
+}
+
+// Coefficients of 1, s, t and s t of the bilinear map of [-1, 1]^2 to corners.
+INLINE void bilinear(double corner[4][2], double map[4][2])
+{
+    for (int c = 0; c < 2; c++) {
+        const double a = corner[0][c], b = corner[1][c], d = corner[2][c], e = corner[3][c];
+        map[0][c] = 0.25 * (a + b + d + e), map[1][c] = 0.25 * (b + d - a - e);
+        map[2][c] = 0.25 * (d + e - a - b), map[3][c] = 0.25 * (a + d - b - e);
+    }
+}
+
+INLINE void position(double map[4][2], double s, double t, double x[2])
+{
+    for (int c = 0; c < 2; c++) x[c] = map[0][c] + s * map[1][c] + t * map[2][c] + s * t * map[3][c];
+}
+
+INLINE double jacobian(double map[4][2], double s, double t)
+{
+    const double a = map[1][0] + t * map[3][0], b = map[1][1] + t * map[3][1];
+    const double d = map[2][0] + s * map[3][0], e = map[2][1] + s * map[3][1];
+    return a * e - b * d;
+}
+
+// Reference coordinates of a point of a cell, by Newton's method; whether it converges.
+INLINE int inverse_of(double map[4][2], const double x[2], double at[2])
+{
+    at[0] = at[1] = 0;
+    double step = 0;
+    for (int i = 0; i < 30; i++) {
+        const double s = at[0], t = at[1];
+        double now[2];
+        position(map, s, t, now);
+        const double det = jacobian(map, s, t), u = x[0] - now[0], v = x[1] - now[1];
+        const double ds = (u * (map[2][1] + s * map[3][1]) - v * (map[2][0] + s * map[3][0])) / det;
+        const double dt = (v * (map[1][0] + t * map[3][0]) - u * (map[1][1] + t * map[3][1])) / det;
+        step = fabs(ds) + fabs(dt);
+        at[0] += ds, at[1] += dt;
+        if (!(step > 1e-14) || !(step < 1e3)) break;
+    }
+    return step < 1e-9;
+}
+
+// Sets the plane of a cell of the plus side: whether the cell is convex and faces the same way as the facet.
+INLINE int plane_of(const struct cell *cell, const double facing[3], struct plane *plane)
+{
+    double first[3], second[3], flat[4][2];
+    for (int c = 0; c < 3; c++) {
+        plane->origin[c] = cell->middle[c];
+        first[c] = cell->corner[2][c] - cell->corner[0][c], second[c] = cell->corner[3][c] - cell->corner[1][c];
+        plane->axis[0][c] = first[c] - second[c];
+    }
+    cross3(first, second, plane->axis[2]);
+    const double size = sqrt(dot3(plane->axis[2], plane->axis[2])), along = sqrt(dot3(plane->axis[0], plane->axis[0]));
+    plane->area = 0.5 * size;
+    for (int c = 0; c < 3; c++) plane->axis[2][c] /= size, plane->axis[0][c] /= along;
+    cross3(plane->axis[2], plane->axis[0], plane->axis[1]);
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < 2; k++) {
+            double arm[3];
+            for (int c = 0; c < 3; c++) arm[c] = cell->corner[i][c] - plane->origin[c];
+            flat[i][k] = dot3(arm, plane->axis[k]);
+        }
+    bilinear(flat, plane->map);
+    int convex = dot3(plane->axis[2], facing) > 0;
+    for (int i = 0; i < 4; i++)
+        convex = convex && jacobian(plane->map, i == 1 || i == 2 ? 1 : -1, i > 1 ? 1 : -1) > SLIVER * plane->area;
+    return convex;
+}
+
+// Twice the area of a triangle, positive if it turns to the left.
+INLINE double turn(const double *a, const double *b, const double *c)
+{
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+// Part of a polygon on the left of the line from a to b.
+INLINE int cut(double polygon[CORNERS][2], int corners, const double *a, const double *b)
+{
+    double kept[CORNERS][2];
+    int count = 0;
+    for (int i = 0; i < corners; i++) {
+        const double *now = polygon[i], *next = polygon[(i + 1) % corners];
+        const double of_now = turn(a, b, now), of_next = turn(a, b, next);
+        if (of_now >= 0 && count < CORNERS) memcpy(kept[count++], now, 2 * sizeof(double));
+        if (((of_now > 0 && of_next < 0) || (of_now < 0 && of_next > 0)) && count < CORNERS) {
+            const double part = of_now / (of_now - of_next);
+            for (int c = 0; c < 2; c++) kept[count][c] = now[c] + part * (next[c] - now[c]);
+            count++;
+        }
+    }
+    memcpy(polygon, kept, sizeof(kept));
+    return count;
+}
+
+INLINE double area_of(double polygon[CORNERS][2], int corners)
+{
+    double area = 0;
+    for (int i = 1; i + 1 < corners; i++) area += 0.5 * turn(polygon[0], polygon[i], polygon[i + 1]);
+    return area;
+}
+
+// Remove corners that lie on the line between their neighbours: rectangles remain rectangles.
+INLINE int without_flat_corners(double polygon[CORNERS][2], int corners, double area)
+{
+    for (int i = 0; corners > 2 && i < corners;) {
+        const double *before = polygon[(i + corners - 1) % corners], *after = polygon[(i + 1) % corners];
+        if (fabs(turn(before, polygon[i], after)) > FLAT * area) {
+            i++;
+            continue;
+        }
+        memmove(polygon[i], polygon[i + 1], (corners - i - 1) * sizeof(polygon[0]));
+        corners--, i = i > 0 ? i - 1 : 0;
+    }
+    return corners;
+}
+
+// Sets overlap and map of a pair; a side of the minus surface without neighbour is moved outwards by OVERHANG of its
+// facet. Returns the area of the overlap, zero if the cell faces the other way.
+INLINE double overlap(const struct plane *plane, const struct cell *other, const unsigned char *open,
+                      const double *nodes, struct pair *pair)
+{
+    double flat[4][2];
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < 2; k++) {
+            double arm[3];
+            for (int c = 0; c < 3; c++) arm[c] = other->corner[i][c] - plane->origin[c];
+            flat[i][k] = dot3(arm, plane->axis[k]);
+        }
+    bilinear(flat, pair->map);
+    pair->corners = 0;
+    if (2 * (turn(flat[0], flat[1], flat[2]) + turn(flat[0], flat[2], flat[3])) <= SLIVER * plane->area) return 0;
+    const long i = pair->piece / MINUS, j = pair->piece % MINUS;
+    const double of_s = 1 + 4 * OVERHANG / (nodes[i + 1] - nodes[i]), of_t = 1 + 4 * OVERHANG / (nodes[j + 1] - nodes[j]);
+    const double low_s = i == 0 && open[3] ? -of_s : -1, high_s = i == MINUS - 1 && open[1] ? of_s : 1;
+    const double low_t = j == 0 && open[0] ? -of_t : -1, high_t = j == MINUS - 1 && open[2] ? of_t : 1;
+    const double ends[4][2] = {{low_s, low_t}, {high_s, low_t}, {high_s, high_t}, {low_s, high_t}};
+    for (int k = 0; k < 4; k++) position(pair->map, ends[k][0], ends[k][1], pair->polygon[k]);
+    double own[4][2];
+    for (int k = 0; k < 4; k++) position((double(*)[2])plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, own[k]);
+    int corners = 4;
+    for (int k = 0; k < 4 && corners > 2; k++) corners = cut(pair->polygon, corners, own[k], own[(k + 1) % 4]);
+    if (corners < 3) return 0;
+    const double area = area_of(pair->polygon, corners);
+    if (area <= SLIVER * plane->area) return 0;
+    corners = without_flat_corners(pair->polygon, corners, plane->area);
+    pair->corners = corners > 2 ? corners : 0;
+    return area;
+}
+
+// Lagrange polynomials on the nodes, and their slopes, at x.
+INLINE void lagrange(int order, const double *inverse, double x, double *value, double *slope)
+{
+    double p[HIGHEST + 1], d[HIGHEST + 1];
+    p[0] = 1, p[1] = x, d[0] = 0, d[1] = 1;
+    for (int k = 1; k < order; k++) {
+        p[k + 1] = (2 * k + 1.0) / (k + 1) * x * p[k] - k / (k + 1.0) * p[k - 1];
+        d[k + 1] = d[k - 1] + (2 * k + 1) * p[k];
+    }
+    for (int a = 0; a <= order; a++) value[a] = slope[a] = 0;
+    for (int k = 0; k <= order; k++)
+        for (int a = 0; a <= order; a++) {
+            value[a] += p[k] * inverse[k * (order + 1) + a];
+            slope[a] += d[k] * inverse[k * (order + 1) + a];
+        }
+}
+
+// Reference coordinate of a facet from that of one of the cells between its nodes.
+INLINE double of_facet(const double *nodes, long cell, double at)
+{
+    return 0.5 * (nodes[cell] + nodes[cell + 1] + at * (nodes[cell + 1] - nodes[cell]));
+}
+
+// Basis of a facet of the minus side and its unit normal at a point of one of its cells.
+INLINE void opposite_at(const struct side *minus, long facet, long piece, const double at[2], double *basis,
+                        double *normal)
+{
+    double value[2][MINUS + 1], slope[2][MINUS + 1], along[2][3] = {{0}};
+    lagrange(MINUS, minus->inverse, of_facet(minus->nodes, piece / MINUS, at[0]), value[0], slope[0]);
+    lagrange(MINUS, minus->inverse, of_facet(minus->nodes, piece % MINUS, at[1]), value[1], slope[1]);
+    const long *nodes = minus->numbers + facet * OTHER;
+    for (int i = 0; i <= MINUS; i++)
+        for (int j = 0; j <= MINUS; j++) {
+            const double *x = minus->x + 3 * nodes[i * (MINUS + 1) + j];
+            basis[i * (MINUS + 1) + j] = value[0][i] * value[1][j];
+            for (int c = 0; c < 3; c++) {
+                along[0][c] += slope[0][i] * value[1][j] * x[c];
+                along[1][c] += value[0][i] * slope[1][j] * x[c];
+            }
+        }
+    cross3(along[0], along[1], normal);
+    const double size = sqrt(dot3(normal, normal));
+    for (int c = 0; c < 3; c++) normal[c] /= size;
+}
+
+// Points and weights of a polygon: a product rule on quadrilaterals, else one on every triangle of a fan.
+INLINE int quadrature(struct pair *pair, int part, const double *gauss, const double *weight, double (*x)[2], double *w)
+{
+    double corner[4][2], map[4][2];
+    for (int k = 0; k < 4; k++) {
+        const int i = pair->corners == 4 ? k : k < 2 ? 0 : part + k - 1;
+        memcpy(corner[k], pair->polygon[i], sizeof(corner[k]));
+    }
+    bilinear(corner, map);  // of a triangle: two corners coincide, and the Jacobian vanishes there
+    for (int i = 0; i < LINE; i++)
+        for (int j = 0; j < LINE; j++) {
+            position(map, gauss[i], gauss[j], x[i * LINE + j]);
+            w[i * LINE + j] = weight[i] * weight[j] * jacobian(map, gauss[i], gauss[j]);
+        }
+    return pair->corners == 4 ? 1 : part + 1 == pair->corners - 2;
+}
+
+// Add the integrals over the overlap of a pair: of l N to `block`, of l l and l n to `sums`.
+INLINE int integrate(struct pair *pair, const struct plane *plane, const struct side *plus, const struct side *minus,
+                     const double *metric, const double *gauss, const double *weight, struct block *block,
+                     double sums[OWN][OWN + 3])
+{
+    const long row = pair->cell / PLUS, column = pair->cell % PLUS;
+    const double scale = 0.25 * (plus->nodes[row + 1] - plus->nodes[row]) * (plus->nodes[column + 1] - plus->nodes[column]);
+    for (int part = 0, last = 0; !last; part++) {
+        double x[POINTS][2], w[POINTS], own[POINTS][OWN], both[POINTS][SUMS];
+        last = quadrature(pair, part, gauss, weight, x, w);
+        for (int g = 0; g < POINTS; g++) {
+            double at[2], value[2][PLUS + 1], slope[PLUS + 1], local = 0;
+            if (!inverse_of((double(*)[2])plane->map, x[g], at)) return 0;
+            lagrange(PLUS, plus->inverse, of_facet(plus->nodes, row, at[0]), value[0], slope);
+            lagrange(PLUS, plus->inverse, of_facet(plus->nodes, column, at[1]), value[1], slope);
+            const double det = jacobian((double(*)[2])plane->map, at[0], at[1]);
+            double *l = both[g] + OTHER;
+            for (int i = 0; i <= PLUS; i++)
+                for (int j = 0; j <= PLUS; j++) {
+                    l[i * (PLUS + 1) + j] = value[0][i] * value[1][j];
+                    local += l[i * (PLUS + 1) + j] * metric[i * (PLUS + 1) + j];
+                }
+            const double measure = w[g] * scale * local / det;
+            for (int a = 0; a < OWN; a++) own[g][a] = measure * l[a];
+            if (!inverse_of(pair->map, x[g], at)) return 0;
+            opposite_at(minus, pair->facet, pair->piece, at, both[g], l + OWN);
+            for (int k = OTHER + OWN + 3; k < SUMS; k++) both[g][k] = 0;
+        }
+        for (int a = 0; a < OWN; a++) {
+            double sum[SUMS] = {0};
+            for (int g = 0; g < POINTS; g++)
+                for (int k = 0; k < SUMS; k++) sum[k] += own[g][a] * both[g][k];
+            for (int j = 0; j < OTHER; j++) block->values[a][j] += sum[j];
+            for (int b = 0; b < OWN + 3; b++) sums[a][b] += sum[OTHER + b];
+        }
+    }
+    return 1;
+}
+
+// Cholesky factor of the mass matrix, in place: whether it is positive definite.
+INLINE int factorise(double mass[OWN][OWN + 3])
+{
+    for (int a = 0; a < OWN; a++)
+        for (int b = 0; b <= a; b++) {
+            double sum = mass[a][b];
+            for (int k = 0; k < b; k++) sum -= mass[a][k] * mass[b][k];
+            if (a == b && !(sum > 0)) return 0;
+            mass[a][b] = a == b ? sqrt(sum) : sum / mass[b][b];
+        }
+    return 1;
+}
+
+// values = D M^-1 values, of `count` columns; their distance in memory is 1, that of rows `stride`.
+INLINE void to_dual(double mass[OWN][OWN + 3], const double *integral, double *values, int count, int stride)
+{
+    for (int a = 0; a < OWN; a++) {
+        for (int k = 0; k < a; k++)
+            for (int j = 0; j < count; j++) values[a * stride + j] -= mass[a][k] * values[k * stride + j];
+        for (int j = 0; j < count; j++) values[a * stride + j] /= mass[a][a];
+    }
+    for (int a = OWN - 1; a >= 0; a--) {
+        for (int k = a + 1; k < OWN; k++)
+            for (int j = 0; j < count; j++) values[a * stride + j] -= mass[k][a] * values[k * stride + j];
+        for (int j = 0; j < count; j++) values[a * stride + j] /= mass[a][a];
+    }
+    for (int a = 0; a < OWN; a++)
+        for (int j = 0; j < count; j++) values[a * stride + j] *= integral[a];
+}
+
+// Pair the nodes of a facet that is covered in part with what lies above or below them; `times` counts the cells.
+INLINE void collocate(struct pair *pair, const struct plane *plane, const struct side *minus, const unsigned char *open,
+                      struct block *block, double normal[OWN][3], int *times)
+{
+    const long first = pair->cell / PLUS * (PLUS + 1) + pair->cell % PLUS;
+    const long corner[4] = {first, first + PLUS + 1, first + PLUS + 2, first + 1};
+    const long i = pair->piece / MINUS, j = pair->piece % MINUS;
+    const double *nodes = minus->nodes, slack = 1 + SLIVER;
+    const double of_s = slack + 4 * OVERHANG / (nodes[i + 1] - nodes[i]), of_t = slack + 4 * OVERHANG / (nodes[j + 1] - nodes[j]);
+    for (int k = 0; k < 4; k++) {
+        double x[2], at[2], basis[OTHER], n[3];
+        position((double(*)[2])plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, x);
+        if (!inverse_of(pair->map, x, at) || jacobian(pair->map, at[0], at[1]) <= SLIVER * plane->area) continue;
+        if (at[0] < -(i == 0 && open[3] ? of_s : slack) || at[0] > (i == MINUS - 1 && open[1] ? of_s : slack)) continue;
+        if (at[1] < -(j == 0 && open[0] ? of_t : slack) || at[1] > (j == MINUS - 1 && open[2] ? of_t : slack)) continue;
+        opposite_at(minus, pair->facet, pair->piece, at, basis, n);
+        for (int b = 0; b < OTHER; b++) block->values[corner[k]][b] += basis[b];
+        for (int c = 0; c < 3; c++) normal[corner[k]][c] += n[c];
+        times[corner[k]]++;
+    }
+}
+
+// Facets of the minus side in a tree: every range of `sorted` is halved down to LEAF facets; `ball` has the middle and
+// the radius of every range.
+struct tree { const long *sorted; double *ball; const struct cell *cells; };
+
+static void bound(const struct tree *tree, long node, long low, long high, double box[6])
+{
+    for (int c = 0; c < 3; c++) box[c] = INFINITY, box[3 + c] = -INFINITY;
+    if (high - low > LEAF) {
+        double part[6];
+        const long middle = low + (high - low) / 2;
+        for (int k = 0; k < 2; k++) {
+            bound(tree, 2 * node + 1 + k, k ? middle : low, k ? high : middle, part);
+            for (int c = 0; c < 3; c++) box[c] = fmin(box[c], part[c]), box[3 + c] = fmax(box[3 + c], part[3 + c]);
+        }
+    } else
+        for (long f = low; f < high; f++)
+            for (int piece = 0; piece < PIECES; piece++) {
+                const struct cell *cell = tree->cells + tree->sorted[f] * PIECES + piece;
+                for (int c = 0; c < 3; c++) {
+                    box[c] = fmin(box[c], cell->middle[c] - cell->radius);
+                    box[3 + c] = fmax(box[3 + c], cell->middle[c] + cell->radius);
+                }
+            }
+    double *ball = tree->ball + 4 * node, half[3];
+    for (int c = 0; c < 3; c++) ball[c] = 0.5 * (box[c] + box[3 + c]), half[c] = 0.5 * (box[3 + c] - box[c]);
+    ball[3] = sqrt(dot3(half, half));
+}
+
+// Whether a ball comes within `radius` of the normal of a cell, not farther than `reach` from its middle.
+INLINE int near(const struct plane *plane, double radius, double reach, const double *middle, double other)
+{
+    double arm[3];
+    for (int c = 0; c < 3; c++) arm[c] = middle[c] - plane->origin[c];
+    const double along = dot3(arm, plane->axis[2]), beyond = fmax(fabs(along) - reach, 0), all = radius + other;
+    return dot3(arm, arm) - along * along + beyond * beyond <= all * all * (1 + 1e-12);
+}
+
+// Append the cells of the minus side that may overlap a cell of the plus side; returns the number of pairs.
+static long search(const struct tree *tree, long node, long low, long high, const struct plane *plane, double radius,
+                   double reach, long cell, struct pair *pairs, long count, long capacity)
+{
+    if (!near(plane, radius, reach, tree->ball + 4 * node, tree->ball[4 * node + 3])) return count;
+    if (high - low > LEAF) {
+        const long middle = low + (high - low) / 2;
+        count = search(tree, 2 * node + 1, low, middle, plane, radius, reach, cell, pairs, count, capacity);
+        return search(tree, 2 * node + 2, middle, high, plane, radius, reach, cell, pairs, count, capacity);
+    }
+    for (long f = low; f < high; f++)
+        for (int piece = 0; piece < PIECES; piece++) {
+            const struct cell *other = tree->cells + tree->sorted[f] * PIECES + piece;
+            if (!near(plane, radius, reach, other->middle, other->radius)) continue;
+            if (count < capacity) {
+                pairs[count].cell = cell, pairs[count].facet = tree->sorted[f], pairs[count].piece = piece;
+            }
+            count++;
+        }
+    return count;
+}
+
+// Arguments of `couple`. Results: of every facet the number of its blocks up to it (`upto`, facets + 1), of every block
+// the facet of the minus side (`opposite`) and its values; `weight` and `normal`, sums at the nodes of the facets.
+// Room: pairs of one facet, blocks of all; both are counted in `needed`, with the facet of a failure.
+struct work {
+    struct side plus, minus;
+    long facets, others;
+    const long *sorted;
+    const unsigned char *open;                 // sides of facets of the minus side without a neighbour, others x 4
+    const double *metric, *integral, *lumped;  // at the nodes of undeformed facets: metric, int l, Lobatto weights
+    const double *gauss, *gauss_weight;
+    double reach;                              // [m]
+    struct cell *cells;
+    double *ball;
+    struct pair *pairs;
+    long pair_capacity;
+    struct block *blocks;
+    long block_capacity;
+    long *opposite, *upto;
+    double *weight, *normal;
+    long needed[3];
+};
+
+long size_of_pair(void) { return sizeof(struct pair); }
+long size_of_cell(void) { return sizeof(struct cell); }
+
+// Set planes, pairs and their overlaps of a facet: the number of pairs, COVERED_TWICE or FOLDED. *whole: covered.
+static long pairs_of(struct work *work, const struct tree *tree, long e, struct plane planes[CELLS], int *whole)
+{
+    struct cell cells[CELLS];
+    double facing[3] = {0};
+    for (int s = 0; s < CELLS; s++) {
+        double first[3], second[3], normal[3];
+        cell_of(&work->plus, PLUS, e, s, cells + s);
+        for (int c = 0; c < 3; c++) {
+            first[c] = cells[s].corner[2][c] - cells[s].corner[0][c];
+            second[c] = cells[s].corner[3][c] - cells[s].corner[1][c];
+        }
+        cross3(first, second, normal);
+        for (int c = 0; c < 3; c++) facing[c] += normal[c];
+    }
+    long count = 0;
+    *whole = 1;
+    for (int s = 0; s < CELLS; s++) {
+        if (!plane_of(cells + s, facing, planes + s)) return FOLDED;
+        const long begin = count;
+        count = search(tree, 0, 0, work->others, planes + s, cells[s].radius, work->reach, s, work->pairs, count,
+                       work->pair_capacity);
+        if (count > work->pair_capacity) continue;
+        double area = 0;
+        for (long k = begin; k < count; k++) {
+            struct pair *pair = work->pairs + k;
+            area += overlap(planes + s, tree->cells + pair->facet * PIECES + pair->piece, work->open + 4 * pair->facet,
+                            work->minus.nodes, pair);
+        }
+        if (area > (1 + WHOLE) * planes[s].area) return COVERED_TWICE;
+        *whole = *whole && area > (1 - WHOLE) * planes[s].area;
+    }
+    return count;
+}
+
+// Block of a facet and one of the other side, set to zero at first; NULL without room for it.
+INLINE struct block *block_of(struct work *work, long begin, long *blocks, long facet)
+{
+    long k = begin;
+    while (k < *blocks && k < work->block_capacity && work->opposite[k] != facet) k++;
+    if (k < *blocks && k < work->block_capacity) return work->blocks + k;
+    *blocks += 1;
+    if (k >= work->block_capacity) return NULL;
+    work->opposite[k] = facet;
+    return memset(work->blocks + k, 0, sizeof(struct block));
+}
+
+// Weights, normals and blocks of a facet from its pairs; whether all points have been paired.
+static int couple_facet(struct work *work, long e, long count, struct plane planes[CELLS], int whole, long *blocks)
+{
+    const long begin = *blocks;
+    const double *integral = work->integral + e * OWN, *lumped = work->lumped + e * OWN;
+    double sums[OWN][OWN + 3] = {{0}}, normal[OWN][3] = {{0}};
+    int times[OWN] = {0};
+    for (long k = 0; k < count; k++) {
+        struct pair *pair = work->pairs + k;
+        if (whole && !pair->corners) continue;
+        struct block *block = block_of(work, begin, blocks, pair->facet);
+        if (!block) continue;
+        if (!whole)
+            collocate(pair, planes + pair->cell, &work->minus, work->open + 4 * pair->facet, block, normal, times);
+        else if (!integrate(pair, planes + pair->cell, &work->plus, &work->minus, work->metric + e * OWN, work->gauss,
+                            work->gauss_weight, block, sums))
+            return 0;
+    }
+    if (*blocks > work->block_capacity) return 1;
+    if (whole) {
+        for (int a = 0; a < OWN; a++)
+            for (int c = 0; c < 3; c++) normal[a][c] = sums[a][OWN + c];
+        if (!factorise(sums)) return 0;
+        to_dual(sums, integral, normal[0], 3, 3);
+        for (long k = begin; k < *blocks; k++) to_dual(sums, integral, work->blocks[k].values[0], OTHER, OTHER);
+    } else
+        for (int a = 0; a < OWN; a++) {
+            const double share = times[a] ? lumped[a] / times[a] : 0;
+            for (int c = 0; c < 3; c++) normal[a][c] *= share;
+            for (long k = begin; k < *blocks; k++)
+                for (int j = 0; j < OTHER; j++) work->blocks[k].values[a][j] *= share;
+        }
+    for (int a = 0; a < OWN; a++) {
+        const long i = work->plus.numbers[e * OWN + a];
+        work->weight[i] += whole ? integral[a] : times[a] ? lumped[a] : 0;
+        for (int c = 0; c < 3; c++) work->normal[3 * i + c] += normal[a][c];
+    }
+    return 1;
+}
+
+// Couple both sides: 0, or COVERED_TWICE or FOLDED at facet needed[2]. Larger needs than room: nothing is complete.
+long couple(struct work *work)
+{
+    struct tree tree = {work->sorted, work->ball, work->cells};
+    double box[6];
+    for (long f = 0; f < work->others; f++)
+        for (int piece = 0; piece < PIECES; piece++) {
+            struct cell *cell = work->cells + f * PIECES + piece;
+            cell_of(&work->minus, MINUS, f, piece, cell);
+            cell->radius *= 1 + OVERHANG * (MINUS * (MINUS + 1) + 2);  // the first cell of a facet is the shortest one
+        }
+    bound(&tree, 0, 0, work->others, box);
+    long blocks = 0;
+    work->needed[0] = 0;
+    for (long e = 0; e < work->facets; e++) {
+        struct plane planes[CELLS];
+        int whole;
+        work->upto[e] = blocks, work->needed[2] = e;
+        const long count = pairs_of(work, &tree, e, planes, &whole);
+        if (count < 0) return count;
+        work->needed[0] = count > work->needed[0] ? count : work->needed[0];
+        if (count <= work->pair_capacity && !couple_facet(work, e, count, planes, whole, &blocks)) return FOLDED;
+    }
+    work->upto[work->facets] = work->needed[1] = blocks;
+    return 0;
+}
+
+// Rows of w B: number of columns of the longest; with `width` fill in nodes and values. The facets of node i, times OWN
+// plus the place in the facet, are `around` from begin[i] to begin[i + 1]; mark and place: room for `m` nodes.
+long rows(const struct work *work, long n, const long *begin, const long *around, long *mark, long *place, long m,
+          long width, long *columns, double *values)
+{
+    long longest = 0;
+    for (long j = 0; j < m; j++) mark[j] = -1;
+    for (long i = 0; i < n; i++) {
+        long count = 0;
+        for (long k = begin[i]; k < begin[i + 1]; k++) {
+            const long e = around[k] / OWN, a = around[k] % OWN;
+            for (long block = work->upto[e]; block < work->upto[e + 1]; block++) {
+                const long *nodes = work->minus.numbers + work->opposite[block] * OTHER;
+                for (int b = 0; b < OTHER; b++) {
+                    const double value = work->blocks[block].values[a][b];
+                    const long j = nodes[b];
+                    if (value == 0) continue;
+                    if (mark[j] != i) mark[j] = i, place[j] = count++;
+                    if (width) columns[i * width + place[j]] = j, values[i * width + place[j]] += value;
+                }
+            }
+        }
+        longest = count > longest ? count : longest;
+        if (width)
+            for (long k = count; k < width; k++) columns[i * width + k] = count ? columns[i * width] : 0;
+    }
+    return longest;
+}
