@@ -15,6 +15,7 @@ from helpers.bent_meshes import twist
 
 from ruptfx import RuptfxError
 from ruptfx.bodies import operators
+from ruptfx.bodies.meshes.rough_plates import RoughPlate
 from ruptfx.bodies.operators import Bulk, FusedOperator
 from ruptfx.bodies.operators.matrix_free import MatrixFree, _tiles
 from ruptfx.bodies.operators.ufl_form import UflForm
@@ -87,6 +88,7 @@ SETTINGS = [
     Setting("hexahedron", 2, "solid", "box"),
     Setting("hexahedron", 2, "solid", "affine"),
     Setting("hexahedron", 3, "solid", "bent"),
+    Setting("hexahedron", 3, "solid", "curved"),
     Setting("triangle", 1, "strain", "bent"),
     Setting("triangle", 1, "antiplane", "bent"),
     Setting("tetrahedron", 1, "solid", "bent"),
@@ -140,13 +142,11 @@ def make_mesh(cell: str, shape: str) -> Any:
 
 
 def curved_mesh(cell: str) -> Any:
-    """A strip of two quadrilaterals with second-order geometry."""
-    grid = np.stack(np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 0.5, 3), indexing="ij"), axis=-1).reshape(-1, 2)
-    number = np.arange(15).reshape(5, 3)
-    # Vertices, then the middles of the edges (0, 1), (0, 2), (1, 3), (2, 3), then the middle of the cell.
-    places = [(0, 0), (2, 0), (0, 2), (2, 2), (1, 0), (0, 1), (2, 1), (1, 2), (1, 1)]
-    cells = np.array([[number[i + k, j] for i, j in places] for k in (0, 2)], dtype=np.int64)
-    points = grid + 0.05 * np.sin(4 * grid[:, ::-1])
+    """A strip of two quadrilaterals, or four hexahedra, with second-order geometry."""
+    solid = {"width": 0.5} if cell == "hexahedron" else {}
+    plate = RoughPlate(length=1.0, height=0.5, element_size=0.5, **solid)
+    points, cells, _ = plate.build(2, 1, "plate")
+    points += 0.05 * np.sin(4 * np.roll(points, 1, axis=1))
     comm = fem.MPI.COMM_WORLD
     if comm.rank:
         cells, points = cells[:0], points[:0]

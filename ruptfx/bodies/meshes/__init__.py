@@ -41,20 +41,23 @@ class Base:
     Attributes
     ----------
     profile : float or Profile
-        Height by x [m].
+        Height by x, or x and y [m].
     level : float
         Offset of the profile [m].
     ends : (float, float)
         x of both ends [m].
+    sides : (float, float), or None
+        y of the front and the back of a surface [m]; None of a line.
     """
 
     profile: object
     level: float
     ends: tuple[float, float]
+    sides: tuple[float, float] | None = None
 
-    def points(self, x: np.ndarray) -> np.ndarray:
-        """Return points of the surface at x [m], shape (n, 2)."""
-        return np.stack([x, self.level + evaluate(self.profile, x)], axis=1)
+    def points(self, places: np.ndarray) -> np.ndarray:
+        """Return points at x, shape (n,), as (n, 2); or at x and y, shape (n, 2), as (n, 3) [m]."""
+        return np.column_stack([places, self.level + evaluate(self.profile, places)])
 
 
 @dataclass

@@ -247,3 +247,17 @@ def row_levels(height: float, size: float, growth: float) -> np.ndarray:
     rows = np.ceil(np.log1p(height / size * (growth - 1)) / np.log(growth) * (1 - 1e-12))
     heights = np.concatenate([[0.0], np.cumsum(size * growth ** np.arange(affordable(rows)))])
     return heights * height / heights[-1]
+
+
+def graded(length: float, size: float, growth: float, fine: float) -> np.ndarray:
+    """Return distances of planes of vertices from 0: even ones up to `fine`, then growing ones, up to `length` [m]."""
+    near = even(min(fine, length), size) if fine else np.zeros(1)
+    outer_length = length - near[-1]
+    if outer_length <= 0.5 * size:
+        return near
+    return np.concatenate([near, near[-1] + row_levels(outer_length, size, growth)[1:]])
+
+
+def even(length: float, size: float) -> np.ndarray:
+    """Return the planes of even elements, not larger than `size`, over a length [m]."""
+    return np.linspace(0, length, affordable(np.ceil(length / size * (1 - 1e-9))) + 1)

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from ruptfx.bodies.meshes import MeshSource
 from ruptfx.bodies.meshes._bricks import Bricks
-from ruptfx.bodies.meshes._lattice import affordable, row_levels
+from ruptfx.bodies.meshes._lattice import even, graded
 from ruptfx.input.profiles import evaluate
 from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, Unit
@@ -90,16 +90,16 @@ class BoxWithFault(MeshSource):
         angle = np.deg2rad(self.dip)
         sine = 1.0 if self.dip == 90 else float(np.sin(angle))
         left = -0.5 * self.fault_length if self.fault_left is None else self.fault_left
-        fault = left + _even(self.fault_length, self.element_size)
-        outside = self._outside(self.beyond, self.element_size)
+        fault = left + even(self.fault_length, self.element_size)
+        outside = graded(self.beyond, self.element_size, self.growth, self.fine)
         x = np.concatenate([left - outside[:0:-1], fault, fault[-1] + outside[1:]])
         # From the surface downwards.
         size, top = sine * self.element_size, self.fault_top
-        above = _even(top, size) if top else np.zeros(1)
-        depth = top + _even(sine * self.fault_width, size)
-        below = self._outside(self.beyond, size)
+        above = even(top, size) if top else np.zeros(1)
+        depth = top + even(sine * self.fault_width, size)
+        below = graded(self.beyond, size, self.growth, self.fine)
         z = -np.concatenate([above[:-1], depth, depth[-1] + below[1:]])[::-1]
-        side = self._outside(self.distance, self.element_size)
+        side = graded(self.distance, self.element_size, self.growth, self.fine)
         last = len(z) - len(above)
         bricks = Bricks(
             x=x, y=side if self.half else np.concatenate([-side[:0:-1], side]), z=z + 0.0,
@@ -133,16 +133,3 @@ class BoxWithFault(MeshSource):
                 f"which the box follows the fault; make distance at least {at_least(largest / FLATTEST)}, or the fault "
                 "smoother"
             )
-
-    def _outside(self, length: float, size: float) -> np.ndarray:
-        """Return distances from the fault of planes of vertices: even ones next to it, then growing [m]."""
-        near = _even(min(self.fine, length), size) if self.fine else np.zeros(1)
-        outer_length = length - near[-1]
-        if outer_length <= 0.5 * size:
-            return near
-        return np.concatenate([near, near[-1] + row_levels(outer_length, size, self.growth)[1:]])
-
-
-def _even(length: float, size: float) -> np.ndarray:
-    """Return the planes of even elements over a length [m]."""
-    return np.linspace(0, length, affordable(np.ceil(length / size * (1 - 1e-9))) + 1)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Facets = tuple[np.ndarray, np.ndarray]  # facets of both sides, vertex by vertex
 VERTICES = {cell: 1 + max(max(facet) for facet in facets) for cell, facets in FACETS.items()}
+CHUNK = 1000  # cells checked at a time, which limits temporary memory
 
 
 @dataclass(frozen=True)
@@ -260,11 +261,10 @@ def _destinations(data: np.ndarray, offsets: np.ndarray) -> object:
 
 
 def check_orientation(raw: RawMesh) -> None:
-    """Refuse flat or inverted quadrilaterals, which would give negative masses."""
-    if raw.cell != "quadrilateral":
-        return
-    if raw.order > 1:
+    """Refuse flat or folded quadrilaterals and hexahedra, which would give negative masses."""
+    if raw.cell == "hexahedron" or (raw.cell == "quadrilateral" and raw.order > 1):
         _check_curved(raw)
+    if raw.cell != "quadrilateral" or raw.order > 1:
         return
     a, b, c, d = (raw.points[raw.cells[:, i]] for i in range(4))
 
@@ -288,12 +288,17 @@ def _check_curved(raw: RawMesh) -> None:
         basix.ElementFamily.P, basix.CellType[raw.cell], raw.order, lagrange_variant=basix.LagrangeVariant.gll_warped
     )
     slopes = np.asarray(element.tabulate(1, np.asarray(element.points)))[1:, :, :, 0]
-    volume = np.linalg.det(np.einsum("dqk,cka->cqda", slopes, raw.points[raw.cells]))
-    bad = volume.min(axis=1) <= 0
-    if np.any(bad & (volume.max(axis=1) > 0)):
-        x = raw.points[raw.cells[np.argmax(bad)]].mean(axis=0)
+    lowest, highest = np.empty(len(raw.cells)), np.empty(len(raw.cells))
+    for first in range(0, len(raw.cells), CHUNK):
+        part = slice(first, first + CHUNK)
+        volume = np.linalg.det(np.einsum("dqk,cka->cqda", slopes, raw.points[raw.cells[part]]))
+        lowest[part], highest[part] = volume.min(axis=1), volume.max(axis=1)
+    bad = lowest <= 0
+    if np.any(bad & (highest > 0)):
+        bad &= highest > 0
+        x = ", ".join(f"{value:.6g}" for value in raw.points[raw.cells[np.argmax(bad)]].mean(axis=0))
         raise RuptfxError(
-            f"mesh: {bad.sum()} cells are folded, the first near ({x[0]:.6g}, {x[1]:.6g}) m: the surface is too steep "
+            f"mesh: {bad.sum()} cells are folded, the first near ({x}) m: the surface is too steep "
             "or too high for them; reduce the heights of the profile, or make the body higher"
         )
 

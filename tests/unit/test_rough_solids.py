@@ -1,0 +1,133 @@
+"""Solids with rough surfaces: curved hexahedra, gap, refinement of their middle, refusals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from helpers.messages import facts
+
+from ruptfx import RuptfxError
+from ruptfx.bodies.meshes import FACETS, RawMesh
+from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
+from ruptfx.bodies.meshes.rough_plates import RoughPlates, _places
+from ruptfx.bodies.space.bodies import check_facets, check_orientation
+from ruptfx.input.schema import CaseError
+from ruptfx.platform import fem
+
+pytestmark = pytest.mark.fem
+
+WAVES = {
+    "kind": "product", "value": {"kind": "sinusoid", "amplitude": 5e-5, "wavelength": 2e-3},
+    "factor": {"kind": "along_dip", "profile": {"kind": "sinusoid", "amplitude": 1.0, "wavelength": 3e-3}},
+}  # fmt: skip
+BALL = {"kind": "parabola", "radius": 20e-3, "center": {"x": 0.13e-3, "y": -0.21e-3}}
+
+
+def plates(upper: dict[str, Any] | None = None, lower: dict[str, Any] | None = None, **options: Any) -> RoughPlates:
+    """Return an upper plate of 4 x 3 mm, 1 mm high, on a lower one of 6 x 6 mm."""
+    above = {"length": 4e-3, "width": 3e-3, "height": 1e-3, "element_size": 0.5e-3, "left": -2e-3, "front": -1.5e-3}
+    below = {"length": 6e-3, "width": 6e-3, "height": 1e-3, "element_size": 0.75e-3, "left": -3e-3, "front": -3e-3}
+    table = {"upper": above | (upper or {}), "lower": below | (lower or {}), "curve_order": 2, **options}
+    return RoughPlates.model_validate(table)
+
+
+def volume(raw: RawMesh, body: int) -> float:
+    """Return the volume of a body by a quadrature that is exact for its cells [m3]."""
+    order, cell = raw.order, fem.basix.CellType[raw.cell]
+    element = fem.basix.create_element(
+        fem.basix.ElementFamily.P, cell, order, lagrange_variant=fem.basix.LagrangeVariant.gll_warped
+    )
+    points, weights = fem.basix.make_quadrature(cell, 3 * order)
+    slopes = np.asarray(element.tabulate(1, points))[1:, :, :, 0]
+    cells = raw.points[raw.cells[raw.cell_body == body]]
+    return float(np.sum(np.linalg.det(np.einsum("dqk,cka->cqda", slopes, cells)) * weights))
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_nodes_of_cells_are_in_the_order_of_dolfinx(cell: str, order: int) -> None:
+    basix = fem.basix
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType[cell], order, lagrange_variant=basix.LagrangeVariant.gll_warped
+    )
+    lines = np.unique(np.round(element.points[:, 0], 9))
+    expected = np.abs(np.asarray(element.points)[..., None] - lines).argmin(axis=-1)
+    assert [list(place) for place in _places(expected.shape[1], order)] == expected.tolist()
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_curved_solids_follow_the_profile(order: int) -> None:
+    """The mean of cos(2 pi x / 2 mm) over 6 mm is zero: the volume of the lower plate is that of its box."""
+    raw = plates(lower={"profile": WAVES}, closest=1e-4, curve_order=order).build()
+    check_orientation(raw)
+    check_facets(raw)
+    np.testing.assert_allclose([volume(raw, 0), volume(raw, 1)], [12e-9, 36e-9], rtol=1e-12 if order > 1 else 1e-3)
+    plus, minus = raw.interfaces["main"]
+    assert (len(plus), len(minus)) == (8 * 6, 8 * 8) and plus.shape[1] == 4
+    x, y, z = raw.points[np.unique(minus)].T
+    height = 5e-5 * np.cos(2 * np.pi * x / 2e-3) * np.cos(2 * np.pi * y / 3e-3)
+    np.testing.assert_allclose(z, height, atol=1e-18)
+    np.testing.assert_allclose(raw.points[np.unique(plus), 2], 1.5e-4, rtol=1e-6)  # the crest, and the gap
+    count = Counter(frozenset(row) for facet in FACETS[raw.cell] for row in raw.cells[:, list(facet)].tolist())
+    named = [*raw.edges.values(), plus, minus]
+    assert all(count[frozenset(facet)] == 1 for facets in named for facet in facets.tolist())
+    assert sum(map(len, named)) == sum(number == 1 for number in count.values())  # the whole outside has names
+
+
+def test_the_gap_of_a_ball_is_that_of_its_tip() -> None:
+    """The tip is between samples of the gap, (0.13, -0.21) mm."""
+    raw = plates(upper={"profile": BALL}, closest=2e-6).build()
+    x, y, z = raw.points[np.unique(raw.interfaces["main"][0])].T
+    np.testing.assert_allclose(z - 2e-6, ((x - 0.13e-3) ** 2 + (y + 0.21e-3) ** 2) / 40e-3, atol=1e-12)
+
+
+def test_elements_grow_beyond_the_middle() -> None:
+    """In the middle 1 mm there are two elements of 0.5 mm; those beyond grow, and the last ends at 3 mm."""
+    raw = plates(lower={"fine": 1e-3, "growth": 1.5, "element_size": 0.5e-3}).build()
+    minus = raw.points[np.unique(raw.interfaces["main"][1])]
+    for axis in (0, 1):
+        lines = np.unique(np.round(minus[:, axis], 12))
+        assert lines[0] == -3e-3 and lines[-1] == 3e-3
+        np.testing.assert_allclose(lines, -lines[::-1], atol=1e-15)
+        size = np.diff(lines)
+        middle = size[len(size) // 2 :]
+        np.testing.assert_allclose(middle[0], 0.5e-3, rtol=1e-9)
+        np.testing.assert_allclose(middle[2:] / middle[1:-1], 1.5, rtol=1e-6)
+
+
+def test_a_solid_on_a_rigid_ball() -> None:
+    """The base touches z = 0 at its tip; x and y of its surface end where the table says."""
+    base = {"length": 5e-3, "width": 4e-3, "left": -2e-3, "front": -2e-3,
+            "profile": {"kind": "product", "value": BALL, "factor": -1.0}}  # fmt: skip
+    block = {"length": 2e-3, "width": 3e-3, "height": 1e-3, "element_size": 0.5e-3, "left": -1e-3, "front": -1.5e-3}
+    raw = BlockOnRigid.model_validate({**block, "base": base}).build()
+    assert raw.cell == "hexahedron" and len(raw.cells) == 4 * 6 * 2 and raw.one_sided == {"main": "rigid"}
+    np.testing.assert_allclose(volume(raw, 0), 6e-9, rtol=1e-12)
+    surface = raw.bases["main"]
+    assert (surface.ends, surface.sides) == ((-2e-3, 3e-3), (-2e-3, 2e-3))
+    points = surface.points(np.array([[0.13e-3, -0.21e-3], [1.13e-3, -0.21e-3]]))
+    np.testing.assert_allclose(points[:, 2], [0.0, -1e-6 / 40e-3], atol=1e-12)
+    np.testing.assert_allclose(points[:, 0], [0.13e-3, 1.13e-3])
+
+
+def test_refusals_of_solids() -> None:
+    with pytest.raises(ValueError, match=facts(r"lower.width is missing and upper.width = 0.003 m")):
+        plates(lower={"width": None})
+    with pytest.raises(CaseError, match=facts(r"mesh.upper.front = 0.0031: upper from 0.0031 to 0.0061 m")):
+        plates(upper={"front": 3.1e-3}).build()
+    steep = {"kind": "sinusoid", "amplitude": 2e-3, "wavelength": 1e-3}
+    with pytest.raises(RuptfxError, match=facts(r"cells are folded, the first near")):
+        check_orientation(plates(lower={"profile": steep}).build())
+    block = {"length": 2e-3, "height": 1e-3, "element_size": 0.5e-3}
+    with pytest.raises(ValueError, match=facts(r"chamfer = 0.0001 m")):
+        BlockOnRigid.model_validate({**block, "width": 1e-3, "chamfer": 1e-4})
+    with pytest.raises(ValueError, match=facts(r"base.width is missing and width = 0.001 m")):
+        BlockOnRigid.model_validate({**block, "width": 1e-3, "base": {"length": 1e-3}})
+    with pytest.raises(ValueError, match=facts(r"fine = 0.001 m")):
+        BlockOnRigid.model_validate({**block, "fine": 1e-3})
