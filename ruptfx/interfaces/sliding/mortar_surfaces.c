@@ -292,7 +292,7 @@ INLINE int integrate(struct pair *pair, const struct plane *plane, const struct 
                 }
             const double measure = w[g] * scale * local / det;
             for (int a = 0; a < OWN; a++) own[g][a] = measure * l[a];
-            if (!inverse_of(pair->map, x[g], at)) return 0;
+            if (!inverse_of(pair->map, x[g], at) || jacobian(pair->map, at[0], at[1]) <= SLIVER * plane->area) return 0;
             opposite_at(minus, pair->facet, pair->piece, at, both[g], l + OWN);
             for (int k = OTHER + OWN + 3; k < SUMS; k++) both[g][k] = 0;
         }

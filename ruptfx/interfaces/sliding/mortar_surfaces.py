@@ -161,14 +161,15 @@ class SurfaceMortar:
     def _couple(self, plus: Floats, minus: Floats, reach: float, weight: Floats, normal: Floats) -> tuple[Work, int]:
         """Set blocks, weights and normals, and return the arguments and the failure, 0 without."""
         sides = [
-            Side(*map(address, (x, side.numbers, side.basis.inverse, side.basis.points)))
+            Side(address(x), address(side.numbers), address(side.basis.inverse), address(side.basis.points))
             for x, side in ((plus, self.plus), (minus, self.minus))
         ]
+        fixed: list[Floats] = [self._metric, self._integral, self._lumped, *self._gauss]
         while True:
             weight[:], normal[:] = 0.0, 0.0
             work = Work(
                 *sides, self.plus.facets, self.minus.facets,
-                *map(address, (self._sorted, self._open, self._metric, self._integral, self._lumped, *self._gauss)),
+                address(self._sorted), address(self._open), *map(address, fixed),
                 reach, address(self._cells), address(self._ball), address(self._pairs), self._capacity[0],
                 address(self._blocks), self._capacity[1],
                 *map(address, (self._opposite, self._upto, weight, normal)),

@@ -46,7 +46,7 @@ class Surface:
         if of_facets is None:
             chain = np.arange(max(0, len(self.points) - 1) // self.order)
             of_facets = chain[:, None] * self.order + np.arange(self.order + 1)
-        object.__setattr__(self, "numbers", of_facets)
+        object.__setattr__(self, "numbers", np.ascontiguousarray(of_facets, dtype=np.int64))
 
     @property
     def basis(self) -> Basis:
