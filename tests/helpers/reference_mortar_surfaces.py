@@ -10,6 +10,8 @@ from ruptfx.interfaces.sliding.coupling import OVERHANG, REACH, SLIVER, Coupling
 from ruptfx.interfaces.sliding.mortar_surfaces import SurfaceMortar, integrals
 from ruptfx.interfaces.sliding.surface import Floats, Integers, corners_of, open_sides
 
+Pairs = list[tuple[int, int, int, int, int, Floats, Floats, Floats]]
+
 ENDS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
@@ -28,7 +30,8 @@ class SurfaceMortarReference(SurfaceMortar):
         ]
         coupling, weight, normal = np.zeros((n, m)), np.zeros(n), np.zeros((n, 3))
         for e, numbers in enumerate(self.plus.numbers):
-            pairs, whole = [], True
+            pairs: Pairs = []
+            whole = True
             for i, j in product(range(order), range(order)):
                 own = plus[numbers.reshape(order + 1, -1)[[i, i + 1, i + 1, i], [j, j, j + 1, j + 1]]]
                 axes, area, covered = plane(own), 0.0, 0.0
@@ -88,7 +91,7 @@ class SurfaceMortarReference(SurfaceMortar):
         table = np.einsum("gi,gj->gij", basis.values(first), basis.values(second)).reshape(len(at), -1)
         return table, normal / np.linalg.norm(normal, axis=1)[:, None]
 
-    def _dual(self, e: int, minus: Floats, pairs: list) -> tuple[Floats, Floats, Floats]:
+    def _dual(self, e: int, minus: Floats, pairs: Pairs) -> tuple[Floats, Floats, Floats]:
         basis, order = self.plus.basis, self.plus.order
         mass = np.zeros(((order + 1) ** 2,) * 2)
         block, turned = np.zeros((len(mass), len(minus))), np.zeros((len(mass), 3))
@@ -107,7 +110,7 @@ class SurfaceMortarReference(SurfaceMortar):
         dual = share[:, None] * np.linalg.inv(mass)
         return dual @ block, dual @ turned, share
 
-    def _collocated(self, e: int, minus: Floats, pairs: list) -> tuple[Floats, Floats, Floats]:
+    def _collocated(self, e: int, minus: Floats, pairs: Pairs) -> tuple[Floats, Floats, Floats]:
         order = self.plus.order
         block, turned = np.zeros(((order + 1) ** 2, len(minus))), np.zeros(((order + 1) ** 2, 3))
         times = np.zeros(len(block))
@@ -139,13 +142,15 @@ def in_facet(nodes: Floats, cell: int, at: Floats) -> Floats:
 
 
 def bilinear(corners: Floats, at: Floats) -> Floats:
-    return 0.25 * np.prod(1 + at[:, None] * ENDS, axis=2) @ corners
+    x: Floats = 0.25 * np.prod(1 + at[:, None] * ENDS, axis=2) @ corners
+    return x
 
 
 def jacobian(corners: Floats, at: Floats) -> Floats:
     """Return derivatives along both reference coordinates, shape (g, 2, 2)."""
     slopes = 0.25 * ENDS * (1 + at[:, None] * ENDS)[:, :, ::-1]
-    return np.einsum("gka,kc->gac", slopes, corners)
+    result: Floats = np.einsum("gka,kc->gac", slopes, corners)
+    return result
 
 
 def inverse(corners: Floats, x: Floats) -> tuple[Floats, Floats]:

@@ -93,8 +93,8 @@ def test_identities_on_a_plane(order: int, facets: tuple[int, int], tilt: float)
     force = result.weight[:, None] * np.random.default_rng(1).normal(size=(len(plus.points), 3))
     opposite = matrix.T @ force
     np.testing.assert_allclose(opposite.sum(axis=0), force.sum(axis=0), atol=1e-12 * np.abs(force).sum())
-    moments = [np.cross(side.points, each).sum(axis=0) for side, each in ((minus, opposite), (plus, force))]
-    np.testing.assert_allclose(*moments, atol=1e-12 * np.abs(force).sum())
+    moment, expected = (np.cross(side.points, each).sum(axis=0) for side, each in ((minus, opposite), (plus, force)))
+    np.testing.assert_allclose(moment, expected, atol=1e-12 * np.abs(force).sum())
 
 
 @every_order
@@ -233,7 +233,7 @@ def test_bodies_apart_are_paired_with_nothing() -> None:
 
 
 def test_surfaces_that_do_not_face_each_other_are_refused() -> None:
-    """Side by side, or turned away from each other; a plus side of one facet above the middle of a small minus side."""
+    """Side by side, or turned away from each other."""
     plus, minus = plate(even(2), even(2), 1), plate(even(3), even(3), 1)
     beside = Surface(minus.nodes, minus.points + np.array([2.0, 0, 0]), 1, minus.numbers)
     turned_away = Surface(minus.nodes, minus.points, 1, minus.numbers[:, [0, 2, 1, 3]])

@@ -12,6 +12,7 @@ enum {
     CORNERS = 12,                          // of a quadrilateral cut by another one, with room for one that is not convex
 };
 #define WHOLE 1e-6  // part of a cell by which its covered area may differ from all of it
+#define SETTLED 1e-8  // last step of Newton's method, in reference coordinates: the error is its square
 #define FLAT 1e-12  // part of an area: smaller corners are removed from polygons
 enum { COVERED_TWICE = -1, FOLDED = -2 };
 
@@ -94,9 +95,9 @@ INLINE int inverse_of(double map[4][2], const double x[2], double at[2])
         const double dt = (v * (map[1][0] + t * map[3][0]) - u * (map[1][1] + t * map[3][1])) / det;
         step = fabs(ds) + fabs(dt);
         at[0] += ds, at[1] += dt;
-        if (!(step > 1e-14) || !(step < 1e3)) break;
+        if (!(step > SETTLED) || !(step < 1e3)) break;
     }
-    return step < 1e-9;
+    return step <= SETTLED;
 }
 
 // Sets the plane of a cell of the plus side: whether the cell is convex and faces the same way as the facet.

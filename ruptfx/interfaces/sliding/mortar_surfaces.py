@@ -57,8 +57,11 @@ class Work(ctypes.Structure):
 
 
 def points_per_direction(plus: int, minus: int) -> int:
-    """Return the points of quadrature along a direction, exact for l and N on parallelograms."""
-    return max(plus, minus) + 2
+    """Return the points of quadrature along a direction: exact for l and N on parallelograms, and for l N of order 1.
+
+    The Jacobian of a triangle, of which two corners of a square are one, adds a degree.
+    """
+    return max(plus + 1, minus + 1, 3)
 
 
 def integrals(surface: Surface) -> Floats:

@@ -59,7 +59,8 @@ class Surface:
     @property
     def metric(self) -> Floats:
         """Length or area per reference length or area at the nodes of every facet, shape of `numbers`."""
-        return np.linalg.norm(self.directions(self.points), axis=2)
+        size: Floats = np.linalg.norm(self.directions(self.points), axis=2)
+        return size
 
     @property
     def shares(self) -> Floats:
