@@ -217,7 +217,7 @@ def test_a_pore_pressure_that_diffuses_leaves_gradients_by_other_parameters_exac
 
 FOLLOWS = {
     "thermal_pressurisation": {}, "dilatancy": {},
-    "diffusion": {"dilatancy": 1e-4},
+    "diffusion": {"dilatancy": 1e-4}, "permeability": {"stress_scale": 1e6},
 }  # fmt: skip
 
 
@@ -225,7 +225,8 @@ FOLLOWS = {
 def test_pressures_that_follow_the_motion_are_refused_with_remedies_that_work(kind: str) -> None:
     import tomllib
 
-    own = tomllib.loads(f"x = {alternatives('ruptfx.interfaces.pore_pressure')[kind].example}")["x"] | FOLLOWS[kind]
+    kinds = alternatives("ruptfx.interfaces.pore_pressure")
+    own = tomllib.loads(f"x = {kinds['diffusion' if kind == 'permeability' else kind].example}")["x"] | FOLLOWS[kind]
     table = slip_weakening({**WET, "faults.main.pore_pressure": own})
     with pytest.raises(CaseError, match=facts("remove faults.main.pore_pressure, or remove objective")):
         parse_case(table)

@@ -59,6 +59,10 @@ class Heating:
         Change of ln theta since the begin, of the state theta of the friction law.
     ageing : ndarray, shape (n,)
         Rate of ln theta in the step before [1/s].
+    slid : ndarray, shape (n,)
+        Length of the path of slip since the begin [m].
+    pressed : ndarray, shape (n,)
+        Change of the effective normal stress since the begin [Pa].
     """
 
     power: np.ndarray
@@ -66,6 +70,8 @@ class Heating:
     elapsed: float
     aged: np.ndarray | float = 0.0
     ageing: np.ndarray | float = 0.0
+    slid: np.ndarray | float = 0.0
+    pressed: np.ndarray | float = 0.0
 
     @property
     def growth(self) -> np.ndarray:
@@ -271,7 +277,9 @@ class FaultFields:
         heat = 0.5 * np.sum((before + after) * slid, axis=1)
         added = new["frictional_heat"] - old["frictional_heat"] if self.is_heated else np.zeros(self.points)
         heat, power_before = np.where(added != 0, added, heat), memory["power"][:, 0].copy()
-        return Heating(power_before, heat, dt, *self.ageing(memory, old, new)), power
+        pressed = _effective(new) - _effective(old)
+        slip = np.linalg.norm(slid, axis=1)
+        return Heating(power_before, heat, dt, *self.ageing(memory, old, new), slip, pressed), power
 
     def ageing(
         self, memory: FaultState, old: Mapping[str, np.ndarray], new: Mapping[str, np.ndarray]
@@ -344,6 +352,11 @@ def _started(law: FrictionLaw, initial: Mapping[str, np.ndarray]) -> FrictionLaw
     if inner is not None:
         changes["law"] = _started(inner, initial)
     return law.substituted(changes)
+
+
+def _effective(fields: FaultState) -> np.ndarray:
+    """Return the effective normal stress of closed points, zero of open ones [Pa], shape (n,)."""
+    return np.asarray(np.maximum(fields["normal_stress"] - fields.get("pore_pressure", 0.0), 0.0))
 
 
 def _friction(fault: WithFields, fields: FaultState, radiation: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:

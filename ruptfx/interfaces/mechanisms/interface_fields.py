@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
 
 
+BEFORE = ("shear_traction", "slip", "frictional_heat", "theta", "normal_stress", "pore_pressure")
+"""Begins of the names of fields before a step that its end needs."""
+
+
 class InterfaceFields(Mechanism):
     """Fields of interfaces: planned before the tractions of a step are computed, completed after it."""
 
@@ -60,7 +64,7 @@ class InterfaceFields(Mechanism):
             fields = state.faults[fault.name]
             self._before[fault.name] = {
                 name: values.copy() for name, values in fields.items()
-                if name.startswith(("shear_traction", "slip", "frictional_heat", "theta"))
+                if name.startswith(BEFORE)
             }  # fmt: skip
 
     def account(self, state: State, kick: Kick) -> None:

@@ -17,6 +17,7 @@ from ruptfx.input.units import (
     Compressibility,
     Fraction,
     Length,
+    Strength,
     VaryingCoefficient,
     VaryingPermeability,
     VaryingPressure,
@@ -33,6 +34,10 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.faults.interface import Interface
     from ruptfx.interfaces.mechanisms.system import System
 
+STRAINS = ("slid", "pressed", "rate")
+"""Memory of a permeability that changes: path of slip [m], change of the effective stress [Pa], rate of ln k [1/s]."""
+FARTHEST = 1.0
+"""Largest extrapolation of ln k in a step."""
 RIM = 1e-6
 """Distance from the rim over the length of the interface below which a point is on it."""
 
@@ -85,18 +90,20 @@ class Diffusion(PorePressure):
     """Diffusion of the pore pressure along the interface, a permeable layer between tight bodies.
 
     beta phi dp/dt = div (k / eta grad p) + Q / b + epsilon d(ln theta)/dt, with the rate Q of wells per area and the
-    state theta of the friction law. The field is the change of the pressure since the start plus `initial`.
+    state theta of the friction law. The field is the change of the pressure since the start plus `initial`. With the
+    path s of slip and the effective normal stress s_e, which changes by D s_e since the start,
+    k = [k_0 + (k_1 - k_0) (1 - exp(-s / L))] exp(-D s_e / s_k).
     """
 
     needs = frozenset({MOTION})
-    source = "Segall and Rice (1995); SEAS benchmark BP6"
+    source = "Rice (1992); Segall and Rice (1995); Zhu, Allison, Dunham and Yang (2020); SEAS benchmark BP6"
     example: ClassVar[str] = (
         '{ kind = "diffusion", permeability = 1e-13, viscosity = 1e-3, compressibility = 1e-8, porosity = 0.1, '
         "thickness = 1.0, wells = [{ center = 0.0, rate = 1.25e-6 }] }"
     )
 
     permeability: VaryingPermeability
-    """k of the layer."""
+    """k_0 of the layer at the start."""
     viscosity: Viscosity
     """eta of the fluid."""
     compressibility: Compressibility
@@ -109,6 +116,12 @@ class Diffusion(PorePressure):
     """Wells, an entry each."""
     initial: VaryingPressure = 0.0
     """Pressure at the start."""
+    slid_permeability: VaryingPermeability | None = None
+    """k_1: permeability after much slip."""
+    slip_length: Length | None = None
+    """L: slip in which the difference to it falls by a factor of e."""
+    stress_scale: Strength | None = None
+    """s_k: the permeability falls by a factor of e where the effective normal stress grows by it."""
     dilatancy: VaryingCoefficient = 0.0
     """epsilon: pores open by epsilon when theta falls by a factor of e, where slip accelerates."""
     rim: Literal["no_flux", "fixed"] = "no_flux"
@@ -116,7 +129,18 @@ class Diffusion(PorePressure):
 
     @property
     def follows_motion(self) -> bool:
-        return bool(callable(self.dilatancy) or np.any(self.dilatancy))
+        opens = callable(self.dilatancy) or np.any(self.dilatancy)
+        return bool(opens or self.slip_length is not None or self.stress_scale is not None)
+
+    @model_validator(mode="after")
+    def _both_of_slip(self) -> Diffusion:
+        if (self.slid_permeability is None) != (self.slip_length is None):
+            one, other = ("slid_permeability", "slip_length")[:: 1 if self.slip_length is None else -1]
+            raise ValueError(
+                f"{one}: the permeability follows slip from permeability to slid_permeability within slip_length; give "
+                f"{other}, too, or remove {one}"
+            )
+        return self
 
     def bind(self, model: System, face: Interface, key: str) -> PressureAlong:
         if np.any(self.dilatancy):
@@ -186,10 +210,14 @@ class PressureAlong(Contribution):
                 self._rates.append((well, share / share.sum()))
         self._dilatancy, self.is_aged = np.broadcast_to(table.dilatancy, len(face.plus)), bool(np.any(table.dilatancy))
         self._free = ~self._fixed[face.number]
-        mobility = np.broadcast_to(table.permeability, len(face.plus)) / table.viscosity
         storage = table.compressibility * table.porosity
         self._per_age = self._dilatancy / storage  # Pa
-        self.along = Along(model, face, name, mobility, storage, area, self._fixed)
+        self.along = Along(model, face, name, storage, area, self._fixed)
+        self.is_strained = table.slip_length is not None or table.stress_scale is not None
+        permeability = np.broadcast_to(table.permeability, len(face.plus))
+        self._mobility = on_all_ranks(model.comm, face, permeability / table.viscosity)
+        self._growth = 0.0 if table.slid_permeability is None else table.slid_permeability / permeability - 1
+        self.along.set_mobility(self._mobility)
         self._step: AlongStep | None = None
         self.injected = 0.0
 
@@ -205,7 +233,21 @@ class PressureAlong(Contribution):
 
     def memory(self) -> dict[str, np.ndarray]:
         change = self._known(0.0)[self._face.number][:, None]
-        return {"change": change, **({"ageing": np.zeros_like(change)} if self.is_aged else {})}
+        more = [*(["ageing"] if self.is_aged else []), *(STRAINS if self.is_strained else [])]
+        return {"change": change, **{name: np.zeros_like(change) for name in more}}
+
+    def permeability(self, slid: np.ndarray, pressed: np.ndarray) -> np.ndarray:
+        """Return ln(k / k_0) after a path of slip [m] and a change of the effective stress [Pa], shape (n,)."""
+        table, log = self._table, np.zeros(len(slid))
+        if table.slip_length is not None:
+            log += np.log1p(-self._growth * np.expm1(-slid / table.slip_length))
+        if table.stress_scale is not None:
+            log -= pressed / table.stress_scale
+        return log
+
+    def _ahead(self, memory: Mapping[str, np.ndarray], dt: float) -> np.ndarray:
+        """Return the change of ln k from the begin of a step to its middle, extrapolated, shape (n, 1)."""
+        return np.clip(0.5 * dt * memory["rate"], -FARTHEST, FARTHEST)
 
     def plan(self, memory: Mapping[str, np.ndarray], time: float, dt: float) -> None:
         self._step = None
@@ -217,6 +259,10 @@ class PressureAlong(Contribution):
                 begin, steady = on_all_ranks(self._comm, face, np.column_stack([values, opened])).T
             else:
                 begin = on_all_ranks(self._comm, face, values[:, 0])
+            if self.is_strained:
+                ahead = self.permeability(*(memory[name][:, 0] for name in STRAINS[:2])) + self._ahead(memory, dt)[:, 0]
+                self.along.set_mobility(self._mobility * np.exp(on_all_ranks(self._comm, face, ahead)))
+                self._doubt = np.abs(self._ahead(memory, dt)[:, 0])
             known = (self._known(time + dt) - self._known(time)) / dt
             self._step = self.along.step(begin, time, dt, self._source, known, steady)
 
@@ -241,9 +287,18 @@ class PressureAlong(Contribution):
         memory["change"][:, 0] = self._step.end[self._face.number] + self._differs(heating)
         if self.is_aged:
             memory["ageing"][:, 0] = heating.aged / heating.elapsed
+        if self.is_strained:
+            slid, pressed = (memory[name][:, 0] for name in STRAINS[:2])
+            before = self.permeability(slid, pressed)
+            slid += heating.slid
+            pressed += heating.pressed
+            memory["rate"][:, 0] = (self.permeability(slid, pressed) - before) / heating.elapsed
         self.injected += self._step.injected
 
     def uncertainty(self, heating: Heating) -> np.ndarray | float:
         if self._step is None:
             return 0.0
-        return np.asarray(np.abs(self._step.error)[self._face.number] + np.abs(self._differs(heating)))
+        error = np.abs(self._step.error)[self._face.number]
+        if self.is_strained:  # of the permeability at the begin
+            error = error + np.abs(self._step.end - self._step.begin)[self._face.number] * self._doubt
+        return np.asarray(error + np.abs(self._differs(heating)))
