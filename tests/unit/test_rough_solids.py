@@ -15,9 +15,12 @@ from helpers.messages import facts
 from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import FACETS, RawMesh
 from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
+from ruptfx.bodies.meshes.lobatto import nodes_between
 from ruptfx.bodies.meshes.rough_plates import RoughPlates, _places
 from ruptfx.bodies.space.bodies import check_facets, check_orientation
 from ruptfx.input.schema import CaseError
+from ruptfx.interfaces.sliding.roughness import _slope, largest_slope, mean_frame
+from ruptfx.interfaces.sliding.surface import Surface, lattice_numbers
 from ruptfx.platform import fem
 
 pytestmark = pytest.mark.fem
@@ -131,3 +134,25 @@ def test_refusals_of_solids() -> None:
         BlockOnRigid.model_validate({**block, "width": 1e-3, "base": {"length": 1e-3}})
     with pytest.raises(ValueError, match=facts(r"fine = 0.001 m")):
         BlockOnRigid.model_validate({**block, "fine": 1e-3})
+
+
+def lattice(order: int, height: Any, elements: int = 24) -> Surface:
+    """Return a surface over a square of 2 mm whose facets are a lattice."""
+    line = nodes_between(np.linspace(0, 2e-3, elements + 1), order)
+    x, y = (each.ravel() for each in np.meshgrid(line, line, indexing="ij"))
+    points = np.column_stack([x, y, height(x, y)])
+    return Surface(np.arange(len(points)), points, order, lattice_numbers((elements, elements), order))
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_slopes_of_surfaces(order: int) -> None:
+    """z = h cos(k x) cos(k y): root mean square slope h k / sqrt(2), largest slope h k; the plane part has none."""
+    h, k = 10e-6, 2 * np.pi / 1e-3
+    waves = lattice(order, lambda x, y: h * np.cos(k * x) * np.cos(k * y) + 0.1 * x)
+    plane = lattice(order, lambda x, y: 0.1 * x, elements=19)
+    frame = mean_frame(waves)
+    np.testing.assert_allclose(frame[0], np.array([-0.1, 0.0, 1.0]) / np.sqrt(1.01), atol=2e-4)
+    assert abs(largest_slope(plane)) < 1e-7
+    np.testing.assert_allclose(largest_slope(waves), h * k, rtol=0.05)
+    np.testing.assert_allclose(_slope(waves, plane), h * k / np.sqrt(2), rtol=0.03)
+    np.testing.assert_allclose(_slope(plane, waves), h * k / np.sqrt(2), rtol=0.08)  # of its nearest nodes

@@ -10,9 +10,10 @@ import numpy as np
 
 from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.bodies.meshes.rough_plates import RoughPlates
+from ruptfx.input.profiles._self_affine import SelfAffineField
 from ruptfx.input.profiles.constant import Constant
-from ruptfx.input.profiles.self_affine import SelfAffine
 from ruptfx.input.profiles.sinusoid import Sinusoid
+from ruptfx.interfaces.faults.interface import local_frame
 from ruptfx.interfaces.faults.sides import Sides, sides_of
 from ruptfx.interfaces.sliding.interface import SlidingInterface
 from ruptfx.interfaces.sliding.surface import Floats, Surface
@@ -86,18 +87,62 @@ def welded_nodes(model: Discretisation, side: Surface) -> np.ndarray:
     return np.asarray(np.isin(layout.welded[layout.body], layout.welded[layout.body[side.nodes]]))
 
 
+def mean_frame(side: Surface) -> Floats:
+    """Return the mean normal and the tangents of a surface, or the chord of a chain as its tangent; rows."""
+    if side.points.shape[1] == 2:
+        chord = side.points[-1] - side.points[0]
+        return local_frame(np.array([[-chord[1], chord[0]]]) / np.linalg.norm(chord))[0]
+    normal = (side.shares[..., None] * _normals(side)).sum(axis=(0, 1))
+    frame: Floats = local_frame(normal[None] / np.linalg.norm(normal))[0]
+    return frame
+
+
+def largest_slope(side: Surface) -> float:
+    """Return the largest slope of a surface to its mean plane, or of a chain to its chord."""
+    frame = mean_frame(side)
+    if len(frame) == 2:
+        steps = np.diff(side.points, axis=0)
+        return float(np.max(np.abs(steps @ frame[0]) / np.maximum(steps @ frame[1], 1e-300)))
+    upright = np.clip(_normals(side) @ frame[0], 1e-300, 1.0)
+    return float(np.max(np.sqrt(1 - upright**2) / upright))
+
+
+def _normals(side: Surface) -> Floats:
+    """Return the unit normals at the nodes of the facets of a surface, shape (facets, nodes of a facet, 3)."""
+    directions = side.directions(side.points)
+    return np.asarray(directions / np.linalg.norm(directions, axis=2, keepdims=True))
+
+
 def _slope(plus: Surface, minus: Surface) -> float:
-    """Return the root mean square slope of the distance of two surfaces where they overlap along the tangent."""
-    along = plus.points[-1] - plus.points[0]
-    along /= np.linalg.norm(along)
-    (here, above), (there, below) = (
-        (side.points @ along, side.points @ np.array([-along[1], along[0]])) for side in (plus, minus)
-    )
+    """Return the root mean square slope of the distance of two surfaces where they overlap along the tangents."""
+    frame = mean_frame(plus)
+    if len(frame) == 3:
+        return _slope_in_space(plus, minus, frame)
+    (here, above), (there, below) = ((side.points @ frame[1], side.points @ frame[0]) for side in (plus, minus))
     low, high = max(here[0], there[0]), min(here[-1], there[-1])
     s = np.unique(np.clip(np.concatenate([here, there]), low, high))
     apart = np.interp(s, here, above) - np.interp(s, there, below)
     step = np.diff(s)
     return float(np.sqrt(np.sum(np.diff(apart) ** 2 / step) / step.sum()))
+
+
+def _slope_in_space(plus: Surface, minus: Surface, frame: Floats) -> float:
+    """Return the root mean square slope of the distance of two surfaces, at the nodes of the plus side.
+
+    The gradient of the opposite surface is that at its nearest node in the mean plane.
+    """
+    from scipy.spatial import cKDTree  # imported late: ordinary runs do not need it
+
+    gradients = []
+    for side in (plus, minus):
+        sums = side.sum_at_nodes(_normals(side) * side.shares[..., None]) @ frame.T
+        gradients.append(-sums[:, 1:] / sums[:, :1])
+    (here, there) = (side.points @ frame[1:].T for side in (plus, minus))
+    apart, nearest = cKDTree(there).query(here, distance_upper_bound=2 * max(plus.spacing, minus.spacing))
+    faces = np.isfinite(apart)
+    difference = gradients[0][faces] - gradients[1][nearest[faces]]
+    weight = plus.measures[faces]
+    return float(np.sqrt(weight @ np.sum(difference**2, axis=1) / weight.sum())) if weight.sum() else 0.0
 
 
 def _is_isotropic(model: Discretisation, side: Surface) -> bool:
@@ -124,7 +169,7 @@ def _waves(mesh: Part) -> tuple[tuple[float, float] | None, float | None]:
     else:
         return None, None
     lengths = [p.wavelength if isinstance(p, Sinusoid) else p.shortest for p in profiles
-               if isinstance(p, Sinusoid | SelfAffine)]  # fmt: skip
+               if isinstance(p, Sinusoid | SelfAffineField)]  # fmt: skip
     shortest = min(lengths, default=None)
     plain = all(isinstance(p, Sinusoid | Constant | float | int) for p in profiles)
     if shortest is None or not plain or max(lengths) > shortest * (1 + 1e-9):
@@ -145,8 +190,9 @@ def _pressure(
         if not len(side.nodes):  # rigid
             continue
         nodes = np.flatnonzero(welded_nodes(model, side))
-        if any(each.prescribed.reshape(-1, 2)[nodes, across].any() or each.supports for _, each in loads):
+        dim = len(area)
+        if any(each.prescribed.reshape(-1, dim)[nodes, across].any() or each.supports for _, each in loads):
             continue
-        pushes = [each.force(time).reshape(-1, 2)[nodes].sum(axis=0) @ area for time, each in loads]
+        pushes = [each.force(time).reshape(-1, dim)[nodes].sum(axis=0) @ area for time, each in loads]
         return initial + max(sign * float(push) for push in pushes) / length**2
     return None

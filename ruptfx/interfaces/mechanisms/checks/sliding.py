@@ -9,7 +9,7 @@ import numpy as np
 
 from ruptfx.bodies.spectrum import springs_of, stable_time_step
 from ruptfx.interfaces.mechanisms.checks.table import Row
-from ruptfx.interfaces.sliding.roughness import welded_nodes
+from ruptfx.interfaces.sliding.roughness import largest_slope, mean_frame, welded_nodes
 from ruptfx.laws import rough_contact
 
 if TYPE_CHECKING:
@@ -41,23 +41,10 @@ def surface_rows(
         )
     spacings = f"{sides[0].spacing:.4g} and {sides[1].spacing:.4g} m{coarse}"
     yield Row(f"{label}: spacing of nodes, plus / minus", ratio, "", spacings, "warning" if coarse else "ok")
-    chord = sides[0].points[-1] - sides[0].points[0]
-    along = chord / np.linalg.norm(chord)
-    across = np.array([-along[1], along[0]])
-    steps = np.concatenate([np.diff(side.points, axis=0) for side in sides])
-    slope = float(np.max(np.abs(steps @ across) / np.maximum(steps @ along, 1e-300)))
+    slope = max(largest_slope(side) for side in sides)
     steep = "; strains and rotations must stay small: contact of steep flanks is less exact" if slope > STEEP else ""
     yield Row(f"{label}: largest slope", slope, "", f"of both surfaces{steep}", "warning" if steep else "ok")
-    ends = sides[0].points[0] - sides[1].points[0], sides[1].points[-1] - sides[0].points[-1]
-    margins = [0.0 if abs(end @ along) < 1e-9 * face.line.length else float(end @ along) for end in ends]
-    driven = sum(_driven_slip(model, face, along, time, loads) for time, loads in stages_end)
-    leaves = abs(driven) > max(0.0, margins[driven > 0])
-    away = f", but edges drive it by {driven:.4g} m: make the body that it slides on longer" if leaves else ""
-    yield Row(
-        f"{label}: slip until an end leaves", max(0.0, min(margins)), "m",
-        f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; overhanging parts carry no load{away}",
-        "warning" if leaves else "ok",
-    )  # fmt: skip
+    yield from _reach_rows(model, label, face, stages_end)
     ways = model.case.stepper.time_schemes
     if "implicit" in ways:
         note = "longer steps are repeated as two"
@@ -67,6 +54,32 @@ def surface_rows(
             f"{label}: updates of the pairing", model.case.impact_speed * model.case.duration / face.limit, "",
             f"one in {face.limit:.3g} m of slip, at {model.case.impact_speed:.4g} m/s from the beginning to the end",
         )  # fmt: skip
+
+
+def _reach_rows(
+    model: System, label: str, face: SlidingInterface, stages_end: Sequence[tuple[float, Loads]]
+) -> Iterator[Row]:
+    """Yield the slip until an end leaves along every tangent, and the part of a surface with a partner."""
+    sides = face.geometry.plus, face.geometry.minus
+    tangents = mean_frame(sides[0])[1:]
+    size = float(np.ptp(sides[0].points @ tangents.T, axis=0).max())
+    driven = sum((_driven_slip(model, face, time, loads) for time, loads in stages_end), np.zeros(tangents.shape[1]))
+    for number, along in enumerate(tangents, 1):
+        lows, highs = zip(*((float(place.min()), float(place.max())) for place in (s.points @ along for s in sides)),
+                          strict=True)  # fmt: skip
+        margins = [0.0 if abs(end) < 1e-9 * size else end for end in (lows[0] - lows[1], highs[1] - highs[0])]
+        slip = float(driven @ along)
+        leaves = abs(slip) > max(0.0, margins[slip > 0])
+        away = f", but edges drive it by {slip:.4g} m: make the body that it slides on longer" if leaves else ""
+        name = "t" if len(tangents) == 1 else f"t{number}"
+        yield Row(
+            f"{label}: slip until an end leaves" + f" along {name}" * (len(tangents) > 1), max(0.0, min(margins)), "m",
+            f"to -{name} {margins[0]:.4g}, to +{name} {margins[1]:.4g} m; overhanging parts carry no load{away}",
+            "warning" if leaves else "ok",
+        )  # fmt: skip
+    if len(tangents) > 1:
+        part = float(face.weight[face.covered].sum() / face.weight.sum())
+        yield Row(f"{label}: part of the surface above the opposite one", part, "", "the remainder carries no load")
 
 
 def spring_rows(model: System, fault: Fault, stable: float) -> Iterator[Row]:
@@ -89,21 +102,22 @@ def spring_rows(model: System, fault: Fault, stable: float) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def _driven_slip(model: System, face: SlidingInterface, along: np.ndarray, time: float, loads: Loads) -> float:
-    """Return the displacement of the plus side relative to the minus side along the interface by driven edges [m]."""
-    slip = 0.0
+def _driven_slip(model: System, face: SlidingInterface, time: float, loads: Loads) -> np.ndarray:
+    """Return the displacement of the plus side relative to the minus side by driven edges, shape (dim,) [m]."""
+    dim = face.geometry.plus.points.shape[1]
+    slip = np.zeros(dim)
     for side, sign in ((face.geometry.plus, 1.0), (face.geometry.minus, -1.0)):
         if not len(side.nodes):  # a rigid base
             continue
         own = welded_nodes(model, side)
-        ways = np.zeros(2)
+        ways = np.zeros(dim)
         for motion in loads.motions:
             way = np.broadcast_to(motion.displacement(time), motion.dofs.shape)
-            for axis in (0, 1):
-                there = own[motion.dofs // 2] & (motion.dofs % 2 == axis)
+            for axis in range(dim):
+                there = own[motion.dofs // dim] & (motion.dofs % dim == axis)
                 mean = float(way[there].mean()) if there.any() else 0.0
                 ways[axis] = mean if abs(mean) > abs(ways[axis]) else ways[axis]
-        slip += sign * float(ways @ along)
+        slip += sign * ways
     return slip
 
 
