@@ -138,7 +138,8 @@ def plane(corners: Floats) -> Floats:
 
 
 def in_facet(nodes: Floats, cell: int, at: Floats) -> Floats:
-    return 0.5 * (nodes[cell] + nodes[cell + 1] + at * (nodes[cell + 1] - nodes[cell]))
+    x: Floats = 0.5 * (nodes[cell] + nodes[cell + 1] + at * (nodes[cell + 1] - nodes[cell]))
+    return x
 
 
 def bilinear(corners: Floats, at: Floats) -> Floats:

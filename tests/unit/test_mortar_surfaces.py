@@ -316,13 +316,13 @@ def test_facets_that_are_no_surface_are_refused() -> None:
         return surface_of_facets(of[chosen], points, inside[chosen], order=1, inward=True, name="f.plus")
 
     assert surface([0, 2, 4], inside).facets == 3
-    with pytest.raises(RuptfxError, match=r"f\.plus: 6 facets"):
+    with pytest.raises(RuptfxError, match=facts(r"f\.plus: 6 facets")):
         surface([0, 1, 2, 3, 4, 5], inside)
     wrong = inside.copy()
     wrong[2] = [0.5, -1.0, 0.5]
-    with pytest.raises(RuptfxError, match=r"f\.plus: .*at \(0, 0, 0\.5\) m"):
+    with pytest.raises(RuptfxError, match=facts(r"f\.plus: .*at \(0, 0, 0\.5\) m")):
         surface([0, 2], wrong)
     branch = np.concatenate([cube, [[-1.0, -1.0, 0.0], [-1.0, -1.0, 1.0]]])
     of = np.concatenate([faces, [[0, 1, 8, 9]]])
-    with pytest.raises(RuptfxError, match=r"f\.plus: .*at \(0, 0, 0\.5\) m"):
+    with pytest.raises(RuptfxError, match=facts(r"f\.plus: .*at \(0, 0, 0\.5\) m")):
         surface([0, 2, 6], np.concatenate([inside, [[0.0, -1.0, 0.5]]]), branch, of)

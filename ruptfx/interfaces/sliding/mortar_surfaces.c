@@ -81,23 +81,26 @@ INLINE double jacobian(double map[4][2], double s, double t)
     return a * e - b * d;
 }
 
-// Reference coordinates of a point of a cell, by Newton's method; whether it converges.
-INLINE int inverse_of(double map[4][2], const double x[2], double at[2])
+// Reference coordinates s, t of points x, y of a cell, by Newton's method for all together; whether it converges.
+INLINE int inverse_of(double map[4][2], int count, const double *x, const double *y, double *s, double *t)
 {
-    at[0] = at[1] = 0;
-    double step = 0;
-    for (int i = 0; i < 30; i++) {
-        const double s = at[0], t = at[1];
-        double now[2];
-        position(map, s, t, now);
-        const double det = jacobian(map, s, t), u = x[0] - now[0], v = x[1] - now[1];
-        const double ds = (u * (map[2][1] + s * map[3][1]) - v * (map[2][0] + s * map[3][0])) / det;
-        const double dt = (v * (map[1][0] + t * map[3][0]) - u * (map[1][1] + t * map[3][1])) / det;
-        step = fabs(ds) + fabs(dt);
-        at[0] += ds, at[1] += dt;
-        if (!(step > SETTLED) || !(step < 1e3)) break;
+    for (int g = 0; g < count; g++) s[g] = t[g] = 0;
+    double largest = 1;
+    for (int i = 0; i < 30 && largest > SETTLED && largest < 1e3; i++) {
+        largest = 0;
+        _Pragma("omp simd reduction(max:largest)")
+        for (int g = 0; g < count; g++) {
+            const double a = map[1][0] + t[g] * map[3][0], b = map[1][1] + t[g] * map[3][1];
+            const double d = map[2][0] + s[g] * map[3][0], e = map[2][1] + s[g] * map[3][1];
+            const double u = x[g] - map[0][0] - s[g] * a - t[g] * map[2][0];
+            const double v = y[g] - map[0][1] - s[g] * b - t[g] * map[2][1];
+            const double one = 1 / (a * e - b * d), ds = (u * e - v * d) * one, dt = (v * a - u * b) * one;
+            s[g] += ds, t[g] += dt;
+            const double step = fabs(ds) + fabs(dt);
+            largest = step > largest ? step : largest;
+        }
     }
-    return step <= SETTLED;
+    return largest <= SETTLED;
 }
 
 // Sets the plane of a cell of the plus side: whether the cell is convex and faces the same way as the facet.
@@ -176,7 +179,7 @@ INLINE int without_flat_corners(double polygon[CORNERS][2], int corners, double 
 
 // Sets overlap and map of a pair; a side of the minus surface without neighbour is moved outwards by OVERHANG of its
 // facet. Returns the area of the overlap, zero if the cell faces the other way.
-INLINE double overlap(const struct plane *plane, const struct cell *other, const unsigned char *open,
+INLINE double overlap(struct plane *plane, const struct cell *other, const unsigned char *open,
                       const double *nodes, struct pair *pair)
 {
     double flat[4][2];
@@ -196,7 +199,7 @@ INLINE double overlap(const struct plane *plane, const struct cell *other, const
     const double ends[4][2] = {{low_s, low_t}, {high_s, low_t}, {high_s, high_t}, {low_s, high_t}};
     for (int k = 0; k < 4; k++) position(pair->map, ends[k][0], ends[k][1], pair->polygon[k]);
     double own[4][2];
-    for (int k = 0; k < 4; k++) position((double(*)[2])plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, own[k]);
+    for (int k = 0; k < 4; k++) position(plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, own[k]);
     int corners = 4;
     for (int k = 0; k < 4 && corners > 2; k++) corners = cut(pair->polygon, corners, own[k], own[(k + 1) % 4]);
     if (corners < 3) return 0;
@@ -207,53 +210,67 @@ INLINE double overlap(const struct plane *plane, const struct cell *other, const
     return area;
 }
 
-// Lagrange polynomials on the nodes, and their slopes, at x.
-INLINE void lagrange(int order, const double *inverse, double x, double *value, double *slope)
+// Lagrange polynomials on the nodes of a facet and their slopes, of every node at all points in turn; the points are in
+// one of the cells between the nodes, with reference coordinates of that cell.
+INLINE void lagrange(const struct side *side, int order, long cell, int count, const double *at, double *value,
+                     double *slope)
 {
-    double p[HIGHEST + 1], d[HIGHEST + 1];
-    p[0] = 1, p[1] = x, d[0] = 0, d[1] = 1;
-    for (int k = 1; k < order; k++) {
-        p[k + 1] = (2 * k + 1.0) / (k + 1) * x * p[k] - k / (k + 1.0) * p[k - 1];
-        d[k + 1] = d[k - 1] + (2 * k + 1) * p[k];
-    }
-    for (int a = 0; a <= order; a++) value[a] = slope[a] = 0;
-    for (int k = 0; k <= order; k++)
-        for (int a = 0; a <= order; a++) {
-            value[a] += p[k] * inverse[k * (order + 1) + a];
-            slope[a] += d[k] * inverse[k * (order + 1) + a];
+    const double *nodes = side->nodes, middle = 0.5 * (nodes[cell] + nodes[cell + 1]), half = nodes[cell + 1] - middle;
+    _Pragma("omp simd")
+    for (int g = 0; g < count; g++) {
+        const double x = middle + half * at[g];
+        double p[HIGHEST + 1], d[HIGHEST + 1];
+        p[0] = 1, p[1] = x, d[0] = 0, d[1] = 1;
+        for (int k = 1; k < order; k++) {
+            p[k + 1] = (2 * k + 1.0) / (k + 1) * x * p[k] - k / (k + 1.0) * p[k - 1];
+            d[k + 1] = d[k - 1] + (2 * k + 1) * p[k];
         }
+        for (int a = 0; a <= order; a++) {
+            double sum = 0, by_x = 0;
+            for (int k = 0; k <= order; k++) {
+                sum += p[k] * side->inverse[k * (order + 1) + a];
+                by_x += d[k] * side->inverse[k * (order + 1) + a];
+            }
+            value[a * count + g] = sum, slope[a * count + g] = by_x;
+        }
+    }
 }
 
-// Reference coordinate of a facet from that of one of the cells between its nodes.
-INLINE double of_facet(const double *nodes, long cell, double at)
+// Basis of a facet of the minus side and its unit normal, all points in turn, at points s, t of one of its cells.
+INLINE void opposite_at(const struct side *minus, long facet, long piece, int count, const double *s, const double *t,
+                        double *basis, double *normal)
 {
-    return 0.5 * (nodes[cell] + nodes[cell + 1] + at * (nodes[cell + 1] - nodes[cell]));
-}
-
-// Basis of a facet of the minus side and its unit normal at a point of one of its cells.
-INLINE void opposite_at(const struct side *minus, long facet, long piece, const double at[2], double *basis,
-                        double *normal)
-{
-    double value[2][MINUS + 1], slope[2][MINUS + 1], along[2][3] = {{0}};
-    lagrange(MINUS, minus->inverse, of_facet(minus->nodes, piece / MINUS, at[0]), value[0], slope[0]);
-    lagrange(MINUS, minus->inverse, of_facet(minus->nodes, piece % MINUS, at[1]), value[1], slope[1]);
+    double value[2][(MINUS + 1) * count], slope[2][(MINUS + 1) * count], along[2][3][count];
+    lagrange(minus, MINUS, piece / MINUS, count, s, value[0], slope[0]);
+    lagrange(minus, MINUS, piece % MINUS, count, t, value[1], slope[1]);
+    memset(along, 0, sizeof(along));
     const long *nodes = minus->numbers + facet * OTHER;
     for (int i = 0; i <= MINUS; i++)
         for (int j = 0; j <= MINUS; j++) {
             const double *x = minus->x + 3 * nodes[i * (MINUS + 1) + j];
-            basis[i * (MINUS + 1) + j] = value[0][i] * value[1][j];
-            for (int c = 0; c < 3; c++) {
-                along[0][c] += slope[0][i] * value[1][j] * x[c];
-                along[1][c] += value[0][i] * slope[1][j] * x[c];
+            for (int g = 0; g < count; g++) {
+                const double of_i = value[0][i * count + g], of_j = value[1][j * count + g];
+                const double by_s = slope[0][i * count + g] * of_j, by_t = of_i * slope[1][j * count + g];
+                basis[(i * (MINUS + 1) + j) * count + g] = of_i * of_j;
+                for (int c = 0; c < 3; c++) along[0][c][g] += by_s * x[c], along[1][c][g] += by_t * x[c];
             }
         }
-    cross3(along[0], along[1], normal);
-    const double size = sqrt(dot3(normal, normal));
-    for (int c = 0; c < 3; c++) normal[c] /= size;
+    for (int g = 0; g < count; g++) {
+        double size = 0;
+        for (int c = 0; c < 3; c++) {
+            const int d = (c + 1) % 3, e = (c + 2) % 3;
+            normal[c * count + g] = along[0][d][g] * along[1][e][g] - along[0][e][g] * along[1][d][g];
+            size += normal[c * count + g] * normal[c * count + g];
+        }
+        size = sqrt(size);
+        for (int c = 0; c < 3; c++) normal[c * count + g] /= size;
+    }
 }
 
-// Points and weights of a polygon: a product rule on quadrilaterals, else one on every triangle of a fan.
-INLINE int quadrature(struct pair *pair, int part, const double *gauss, const double *weight, double (*x)[2], double *w)
+// Points and weights of a polygon: a product rule on quadrilaterals, else one on every triangle of a fan. Returns whether
+// this is the last part.
+INLINE int quadrature(struct pair *pair, int part, const double *gauss, const double *weight, double x[2][POINTS],
+                      double *w)
 {
     double corner[4][2], map[4][2];
     for (int k = 0; k < 4; k++) {
@@ -263,44 +280,47 @@ INLINE int quadrature(struct pair *pair, int part, const double *gauss, const do
     bilinear(corner, map);  // of a triangle: two corners coincide, and the Jacobian vanishes there
     for (int i = 0; i < LINE; i++)
         for (int j = 0; j < LINE; j++) {
-            position(map, gauss[i], gauss[j], x[i * LINE + j]);
+            double at[2];
+            position(map, gauss[i], gauss[j], at);
+            for (int c = 0; c < 2; c++) x[c][i * LINE + j] = at[c];
             w[i * LINE + j] = weight[i] * weight[j] * jacobian(map, gauss[i], gauss[j]);
         }
-    return pair->corners == 4 ? 1 : part + 1 == pair->corners - 2;
+    return pair->corners == 4 || part + 1 == pair->corners - 2;
 }
 
-// Add the integrals over the overlap of a pair: of l N to `block`, of l l and l n to `sums`.
-INLINE int integrate(struct pair *pair, const struct plane *plane, const struct side *plus, const struct side *minus,
+// Add the integrals over the overlap of a pair: of l N to `block`, of l l and l n to `sums`; whether points were paired.
+INLINE int integrate(struct pair *pair, struct plane *plane, const struct side *plus, const struct side *minus,
                      const double *metric, const double *gauss, const double *weight, struct block *block,
                      double sums[OWN][OWN + 3])
 {
     const long row = pair->cell / PLUS, column = pair->cell % PLUS;
     const double scale = 0.25 * (plus->nodes[row + 1] - plus->nodes[row]) * (plus->nodes[column + 1] - plus->nodes[column]);
     for (int part = 0, last = 0; !last; part++) {
-        double x[POINTS][2], w[POINTS], own[POINTS][OWN], both[POINTS][SUMS];
+        double x[2][POINTS], w[POINTS], s[POINTS], t[POINTS], all[SUMS][POINTS], local[POINTS] = {0};
+        double value[2][(PLUS + 1) * POINTS], slope[(PLUS + 1) * POINTS], own[OWN][POINTS], both[POINTS][SUMS];
+        double(*const l)[POINTS] = all + OTHER;
         last = quadrature(pair, part, gauss, weight, x, w);
-        for (int g = 0; g < POINTS; g++) {
-            double at[2], value[2][PLUS + 1], slope[PLUS + 1], local = 0;
-            if (!inverse_of((double(*)[2])plane->map, x[g], at)) return 0;
-            lagrange(PLUS, plus->inverse, of_facet(plus->nodes, row, at[0]), value[0], slope);
-            lagrange(PLUS, plus->inverse, of_facet(plus->nodes, column, at[1]), value[1], slope);
-            const double det = jacobian((double(*)[2])plane->map, at[0], at[1]);
-            double *l = both[g] + OTHER;
-            for (int i = 0; i <= PLUS; i++)
-                for (int j = 0; j <= PLUS; j++) {
-                    l[i * (PLUS + 1) + j] = value[0][i] * value[1][j];
-                    local += l[i * (PLUS + 1) + j] * metric[i * (PLUS + 1) + j];
-                }
-            const double measure = w[g] * scale * local / det;
-            for (int a = 0; a < OWN; a++) own[g][a] = measure * l[a];
-            if (!inverse_of(pair->map, x[g], at) || jacobian(pair->map, at[0], at[1]) <= SLIVER * plane->area) return 0;
-            opposite_at(minus, pair->facet, pair->piece, at, both[g], l + OWN);
-            for (int k = OTHER + OWN + 3; k < SUMS; k++) both[g][k] = 0;
-        }
+        if (!inverse_of(plane->map, POINTS, x[0], x[1], s, t)) return 0;
+        lagrange(plus, PLUS, row, POINTS, s, value[0], slope);
+        lagrange(plus, PLUS, column, POINTS, t, value[1], slope);
+        for (int a = 0; a < OWN; a++)
+            for (int g = 0; g < POINTS; g++) {
+                l[a][g] = value[0][a / (PLUS + 1) * POINTS + g] * value[1][a % (PLUS + 1) * POINTS + g];
+                local[g] += l[a][g] * metric[a];
+            }
+        for (int g = 0; g < POINTS; g++) w[g] *= scale * local[g] / jacobian(plane->map, s[g], t[g]);
+        for (int a = 0; a < OWN; a++)
+            for (int g = 0; g < POINTS; g++) own[a][g] = w[g] * l[a][g];
+        if (!inverse_of(pair->map, POINTS, x[0], x[1], s, t)) return 0;
+        for (int g = 0; g < POINTS; g++)
+            if (!(jacobian(pair->map, s[g], t[g]) > SLIVER * plane->area)) return 0;
+        opposite_at(minus, pair->facet, pair->piece, POINTS, s, t, all[0], l[OWN]);
+        for (int k = 0; k < SUMS; k++)
+            for (int g = 0; g < POINTS; g++) both[g][k] = k < OTHER + OWN + 3 ? all[k][g] : 0;
         for (int a = 0; a < OWN; a++) {
             double sum[SUMS] = {0};
             for (int g = 0; g < POINTS; g++)
-                for (int k = 0; k < SUMS; k++) sum[k] += own[g][a] * both[g][k];
+                for (int k = 0; k < SUMS; k++) sum[k] += own[a][g] * both[g][k];
             for (int j = 0; j < OTHER; j++) block->values[a][j] += sum[j];
             for (int b = 0; b < OWN + 3; b++) sums[a][b] += sum[OTHER + b];
         }
@@ -339,7 +359,7 @@ INLINE void to_dual(double mass[OWN][OWN + 3], const double *integral, double *v
 }
 
 // Pair the nodes of a facet that is covered in part with what lies above or below them; `times` counts the cells.
-INLINE void collocate(struct pair *pair, const struct plane *plane, const struct side *minus, const unsigned char *open,
+INLINE void collocate(struct pair *pair, struct plane *plane, const struct side *minus, const unsigned char *open,
                       struct block *block, double normal[OWN][3], int *times)
 {
     const long first = pair->cell / PLUS * (PLUS + 1) + pair->cell % PLUS;
@@ -349,11 +369,11 @@ INLINE void collocate(struct pair *pair, const struct plane *plane, const struct
     const double of_s = slack + 4 * OVERHANG / (nodes[i + 1] - nodes[i]), of_t = slack + 4 * OVERHANG / (nodes[j + 1] - nodes[j]);
     for (int k = 0; k < 4; k++) {
         double x[2], at[2], basis[OTHER], n[3];
-        position((double(*)[2])plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, x);
-        if (!inverse_of(pair->map, x, at) || jacobian(pair->map, at[0], at[1]) <= SLIVER * plane->area) continue;
+        position(plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, x);
+        if (!inverse_of(pair->map, 1, x, x + 1, at, at + 1) || jacobian(pair->map, at[0], at[1]) <= SLIVER * plane->area) continue;
         if (at[0] < -(i == 0 && open[3] ? of_s : slack) || at[0] > (i == MINUS - 1 && open[1] ? of_s : slack)) continue;
         if (at[1] < -(j == 0 && open[0] ? of_t : slack) || at[1] > (j == MINUS - 1 && open[2] ? of_t : slack)) continue;
-        opposite_at(minus, pair->facet, pair->piece, at, basis, n);
+        opposite_at(minus, pair->facet, pair->piece, 1, at, at + 1, basis, n);
         for (int b = 0; b < OTHER; b++) block->values[corner[k]][b] += basis[b];
         for (int c = 0; c < 3; c++) normal[corner[k]][c] += n[c];
         times[corner[k]]++;

@@ -92,7 +92,8 @@ class Surface:
         """
         slopes, corners = self.basis.slopes(self.basis.points), points[self.numbers]
         if points.shape[1] == 2:
-            return np.einsum("gb,fbc->fgc", slopes, corners)
+            tangents: Floats = np.einsum("gb,fbc->fgc", slopes, corners)
+            return tangents
         lattice = corners.reshape(self.facets, self.order + 1, self.order + 1, 3)
         along = [np.einsum(product, slopes, lattice) for product in ("ga,fabc->fgbc", "gb,fabc->fagc")]
         return np.cross(*along).reshape(corners.shape)
