@@ -166,6 +166,12 @@ class NotebookFigure(Figure):
             options.setdefault("axes_class", NotebookAxes)
         return super().add_subplot(*args, **options)
 
+    def savefig(self, fname: Any, **options: Any) -> None:
+        """Save in the common style, which decides at this time what "C0" and fonts of PDF are; see `Figure.savefig`."""
+        options.setdefault("dpi", matplotlib.rcParams["savefig.dpi"])  # of the user
+        with style():
+            super().savefig(fname, **options)
+
     def _repr_png_(self) -> bytes:
         with BytesIO() as buffer:
             self.savefig(buffer, format="png", dpi=self.dpi)

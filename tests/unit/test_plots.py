@@ -616,3 +616,14 @@ def test_maps_of_a_plate_are_stretched_until_their_labels_fit(tmp_path, name):
 
 def test_completion_offers_figures_and_no_imports() -> None:
     assert set(dir(plots)) == {*plots.__all__, *plots.FIGURES}
+
+
+def test_numbered_colours_are_those_of_the_style_when_saved_as_usual(tmp_path):
+    """A panel filled by a line of "C0", saved after the style was left: #0072b2 in its middle, at 100 dots per inch."""
+    with matplotlib.rc_context({"savefig.dpi": 100}):
+        with style():
+            figure, axes = new_figure(1, 1, 1.0, 2.0)
+            axes[0, 0].plot([0, 1], [0.5, 0.5], color="C0", lw=200)
+        figure.savefig(tmp_path / "picture.png")
+    pixels = np.asarray(Image.open(tmp_path / "picture.png").convert("RGB"))
+    assert pixels.shape == (100, 200, 3) and tuple(pixels[45, 110]) == (0x00, 0x72, 0xB2)
