@@ -28,7 +28,12 @@ UNIT = re.compile(rf"\(({QUANTITY}([/ ]{QUANTITY})*|%[^)]*|°C?)\)|{WORDS}", re.
 def write(path, kind):
     """A run directory of a kind that figures have to cope with."""
     if kind in SURFACES:
-        return synthetic.write_surface_run(path, structured=kind != "scattered surface", branch=kind == "two surfaces")
+        return synthetic.write_surface_run(
+            path,
+            structured=kind != "scattered surface",
+            branch=kind == "two surfaces",
+            slides=kind == "sliding surface",
+        )
     crack = synthetic.crack(TIME, POSITION)
     if kind == "slow and fast":  # two ruptures of 60 us, loaded for 10 s each
         rest = np.full((20, len(POSITION)), 1e-9)
@@ -51,12 +56,13 @@ def write(path, kind):
 
 
 SAVED = {"killed at once": 1, "killed early": 2}
-SURFACES = ["surface", "scattered surface", "two surfaces"]
+SURFACES = ["surface", "scattered surface", "two surfaces", "sliding surface"]
 BROKEN = {"broken": 2, "not broken": 0, "crushed": 120}
 OWN = (
     {"wet": ("fluid_front",)}
     | dict.fromkeys(BROKEN, ("cracks", "emission"))
-    | dict.fromkeys(SURFACES[1:], ("moment_rate", "rupture_map", "slip_rate_maps"))
+    | dict.fromkeys(SURFACES[1:3], ("moment_rate", "rupture_map", "slip_rate_maps"))
+    | {"sliding surface": ("contact_maps", "forces")}
 )
 """Runs that only some figures see as others than those before."""
 SAME_BODIES, OF_BODIES = ("slow and fast", "at rest", "slides far"), ("energy_budget", "instruments", "fringes")
@@ -272,3 +278,11 @@ def test_fields_of_an_interface_have_labels_shorter_than_their_panels(field, rec
     """Some descriptions of fields are sentences."""
     record = fitting("snapshots", records)[0]
     check_figure(plots.snapshots(record, field=field, at=[10e-6, 20e-6, 30e-6, 40e-6]).figure)
+
+
+def test_maps_of_a_sliding_contact_state_its_real_area(records):
+    """Points touch from -20 to 11.75 of 20 km, half an element beyond the last one: 0.79375 of 40 km x 20 km."""
+    axes = plots.contact_maps(records["sliding surface"])
+    assert "6.35e+08 m²" in plots.remarks(axes) and "79.4 %" in plots.remarks(axes)
+    states = axes[1].collections[0].get_array()
+    assert np.bincount(np.ravel(states)).tolist() == [41 * 9, 0, 41 * 64, 41 * 8]

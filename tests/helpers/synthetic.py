@@ -267,12 +267,14 @@ SURFACE = 40e3, 20e3  # m
 
 
 def write_surface_run(
-    path: Path, speed: float = 2500.0, count: int = 41, structured: bool = True, branch: bool = False
-) -> Path:
+    path: Path, speed: float = 2500.0, count: int = 41, structured: bool = True, branch: bool = False,
+    slides: bool = False,
+) -> Path:  # fmt: skip
     """Write the run of a circular rupture that leaves the middle of a surface at a speed; slip rate is 1 m/s behind it.
 
     Slip is the slip rate times the time since the front, and the shear modulus 32 GPa. A branch is a second surface,
-    half as long, whose middle ruptures 1 s later and with twice the slip rate.
+    half as long, whose middle ruptures 1 s later and with twice the slip rate. A surface that slides has states: it
+    sticks before the front and slides behind it, its last tenth faces nothing, and the tenth before that is open.
     """
     path.mkdir(parents=True)
     grid = {"kind": "receiver_grid", "name": "ground", "corner": [-2e4, -1e4, 0.0], "opposite": [2e4, 1e4, 0.0],
@@ -284,7 +286,9 @@ def write_surface_run(
     if branch:
         case["faults"] = {"main": {}, "branch": {}}
         _write_surface(path / "interface_branch.h5", time, speed, structured, "branch", 0.5, 1.0, 2.0)
-    _write_surface(path / f"interface{'_main' * branch}.h5", time, speed, structured)
+    _write_surface(path / f"interface{'_main' * branch}.h5", time, speed, structured, slides=slides)
+    if slides:
+        _write_forces(path / "forces.csv", time)
     (path / "case.toml").write_text(tomli_w.dumps(case))
     _write_energy(path / "energy.csv", time)
     (path / "summary.json").write_text("{}")
@@ -293,7 +297,7 @@ def write_surface_run(
 
 def _write_surface(
     path: Path, time: Array, speed: float, structured: bool, name: str = "main", length: float = 1.0,
-    begin: float = 0.0, slip_rate: float = 1.0,
+    begin: float = 0.0, slip_rate: float = 1.0, slides: bool = False,
 ) -> None:  # fmt: skip
     """Write the fields of a surface that a circular front crosses; its length is a share of `SURFACE`."""
     x, y = np.linspace(-0.5, 0.5, 81) * length * SURFACE[0], np.linspace(0, 1, 41) * SURFACE[1]
@@ -311,6 +315,9 @@ def _write_surface(
         "shear_traction_1": 70e6 - 7e6 * (slip > 0), "shear_traction_2": 0 * slip, "normal_stress": 120e6 + 0 * slip,
         "opening": 0 * slip,
     }  # fmt: skip
+    if slides:
+        ends = 0.3 * SURFACE[0] < strike, 0.4 * SURFACE[0] < strike
+        fields["contact"] = np.select([ends[1], ends[0], slip > 0], [3, 0, 2], 1).astype(np.int8)
     of_points = {
         "position": strike,
         "dip": dip,

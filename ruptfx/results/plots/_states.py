@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from ruptfx.results.analysis import slides_far
+from ruptfx.results.analysis.surface import is_surface
 from ruptfx.results.record import Files
 
 COLOURS = {"open": "#d9d9d9", "sticking": "#2a6099", "sliding": "#e07b39", "uncovered": "#fbf3d5"}
@@ -15,11 +16,12 @@ COLOURS = {"open": "#d9d9d9", "sticking": "#2a6099", "sliding": "#e07b39", "unco
 
 
 def has_states(record: Files) -> bool:
-    """Return whether the run has an interface with finite sliding and saved times."""
-    return bool(record.interfaces) and slides_far(record.interface) and record.interface.sizes["time"] > 0
+    """Return whether the run has a line with finite sliding and saved times."""
+    data = record.interface if record.interfaces else None
+    return data is not None and slides_far(data) and not is_surface(data) and data.sizes["time"] > 0
 
 
-def explain(ax: Axes, **options: Any) -> None:
-    """Add a legend of the colours."""
+def explain(ax: Axes, per_line: int = len(COLOURS), **options: Any) -> None:
+    """Add a legend of the colours, with several in a line."""
     ax.legend(handles=[Patch(fc=colour, ec="#555555", lw=0.3, label=name) for name, colour in COLOURS.items()],
-              ncols=len(COLOURS), **options)  # fmt: skip
+              ncols=per_line, **options)  # fmt: skip

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from ruptfx.results.analysis.force_drops import averaged, drops, knees
 from ruptfx.results.figure_style import scale
+from ruptfx.results.plots._record import has_surface
 from ruptfx.results.plots._sheet import Sheet, figure
 from ruptfx.results.plots._states import COLOURS, explain
 from ruptfx.results.record import Files
@@ -54,7 +55,8 @@ def forces(
     if "states" in panels:
         below = panels["states"]
         below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
-        below.set(ylabel="Fraction of the length", ylim=(0, 1))
+        measure = "area" if has_surface(record) else "length"
+        below.set(ylabel=f"Fraction of the {measure}", ylim=(0, 1))
         explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     axes[-1].set(xlabel=f"Time ({t_unit})", xlim=(time[0] / t_size, time[-1] / t_size))
     sheet.letter(axes)
@@ -82,7 +84,7 @@ def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float)
     at = np.array([] if too_many else [bend.time for bend in bends])
     if len(at):
         ax.plot(at / t_size, np.interp(at, time, mean) / f_size, "o", mfc="white", color="#b5382a", label="knees")
-    ax.set_ylabel(f"Force per thickness ({f_unit})")
+    ax.set_ylabel(f"Force{'' if has_surface(record) else ' per thickness'} ({f_unit})")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
     size, unit = scale(window, "s")
     limit = f"{100 * DROP:.0f} % of the median normal force"

@@ -1,0 +1,115 @@
+"""Figure of pressure, contact states and slip on the surface of a sliding contact between solids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
+
+from ruptfx.results.analysis import OPEN, UNCOVERED, slides_far
+from ruptfx.results.analysis.surface import grid
+from ruptfx.results.figure_style import RATE_MAP, Array, edges
+from ruptfx.results.plots import surface_maps as _surface
+from ruptfx.results.plots._record import chosen, has_surface
+from ruptfx.results.plots._sheet import Sheet, figure
+from ruptfx.results.plots._states import COLOURS, explain
+from ruptfx.results.record import Data, Files
+
+PANELS = ("pressure", "states", "slip")
+ARROWS = 16  # arrows of slip along the longer extent
+
+
+def suits(record: Files) -> bool:
+    """Return whether a surface has finite sliding and saved times."""
+    return has_surface(record) and slides_far(record.interface) and record.interface.sizes["time"] > 0
+
+
+@figure
+def contact_maps(
+    sheet: Sheet, record: Files, *, at: float | None = None, field: str | Sequence[str] | None = None
+) -> None:
+    """Draw maps of the contact pressure, of the contact states, and of slip with arrows, at one time.
+
+    Points are at their initial positions on the plus side.
+
+    Parameters
+    ----------
+    at : float, optional
+        Time [s]; the nearest saved one is drawn. Default: the last one.
+    field : str or sequence of str, optional
+        Panels: "pressure", "states", "slip". Default: all.
+    """
+    data = record.interface
+    saved = data["time"].values
+    row = int(chosen(saved, at, np.array([len(saved) - 1]))[0])
+    wanted = sheet.choose(field, PANELS)
+    height = _surface.DRAWN * _surface.size_of(data)[1] / _surface.size_of(data)[0] / len(wanted)
+    axes = sheet.panels(1, len(wanted), float(np.clip(1.5 + height, 2.2, 6.0)), sharey=True)[0]
+    lengths = sheet.scale("x", _surface.extent(data), "m")
+    states = data["contact"].values[row].astype(int)
+    closed = (states != OPEN) & (states != UNCOVERED)
+    for ax, name in zip(axes, wanted, strict=True):
+        if name == "states":
+            _draw_states(ax, data, states, lengths)
+        elif name == "pressure":
+            _draw_pressure(sheet, ax, data, row, lengths)
+        else:
+            _draw_slip(sheet, ax, data, row, closed, lengths)
+        along, across = (label.replace("Down dip", "Across") for label in _surface.axis_names(data, lengths))
+        ax.set(xlabel=along, ylabel=across if ax is axes[0] else "", aspect="equal")
+    t_size, t_unit = sheet.scale("time", saved, "s")
+    axes[-1].set_title(f"{saved[row] / t_size:.4g} {t_unit}", loc="right")
+    sheet.letter(axes)
+    area = data["area"].values
+    touching = float(area[closed].sum())
+    sheet.remark(f"Real area of contact: {touching:.4g} m², {100 * touching / area.sum():.3g} % of the surface.")
+
+
+def _draw_pressure(sheet: Sheet, ax: Axes, data: Data, row: int, lengths: tuple[float, str]) -> None:
+    values = data["normal_stress"].values[row]
+    size, unit = sheet.scale("traction", values, "Pa")
+    norm = Normalize(0, max(float(values.max()) / size, 1e-300))
+    drawn = _surface.draw(ax, data, np.maximum(values / size, 0.0), norm, RATE_MAP, lengths)
+    sheet.figure.colorbar(drawn, ax=ax, label=f"Pressure ({unit})", orientation="horizontal", location="top")
+
+
+def _draw_states(ax: Axes, data: Data, states: Array, lengths: tuple[float, str]) -> None:
+    colours, norm = (
+        ListedColormap(list(COLOURS.values())),
+        BoundaryNorm(np.arange(len(COLOURS) + 1) - 0.5, len(COLOURS)),
+    )
+    positions, size = grid(data), lengths[0]
+    if positions is None:
+        strike, dip = data["position"].values / size, data["dip"].values / size
+        ax.scatter(strike, dip, c=states, s=6, lw=0, cmap=colours, norm=norm)
+    else:
+        s, d = (each / size for each in positions)
+        table = states.reshape(len(s), len(d)).T
+        order = np.argsort(d)
+        ax.pcolormesh(edges(s), edges(d[order]), table[order], cmap=colours, norm=norm, rasterized=True)
+    explain(ax, per_line=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=0.8, handlelength=1.0)
+
+
+def _draw_slip(
+    sheet: Sheet, ax: Axes, data: Data, row: int, closed: Array, lengths: tuple[float, str]
+) -> None:  # fmt: skip
+    slip = np.stack([data[f"slip_{k}"].values[row] for k in (1, 2)], axis=1)
+    amount = np.where(closed, np.linalg.norm(slip, axis=1), 0.0)
+    size, unit = sheet.scale("slip", amount, "m")
+    norm = Normalize(0, max(float(amount.max()) / size, 1e-300))
+    drawn = _surface.draw(ax, data, amount / size, norm, RATE_MAP, lengths)
+    sheet.figure.colorbar(drawn, ax=ax, label=f"Slip ({unit})", orientation="horizontal", location="top")
+    chosen_points = _thinned(data, closed & (amount > 0.02 * amount.max()))
+    if len(chosen_points):
+        strike, dip = (data[name].values[chosen_points] / lengths[0] for name in ("position", "dip"))
+        ways = slip[chosen_points] / amount[chosen_points, None]
+        ax.quiver(strike, dip, *ways.T, angles="xy", scale=1.2 * ARROWS, width=0.006, color="#2a6099")
+
+
+def _thinned(data: Data, wanted: Array) -> Array:
+    """Return one of the wanted points in every square of a coarse grid."""
+    step = _surface.extent(data) / ARROWS
+    squares = np.stack([np.floor(data[name].values / step) for name in ("position", "dip")], axis=1)[wanted]
+    return np.flatnonzero(wanted)[np.unique(squares, axis=0, return_index=True)[1]]
