@@ -45,7 +45,7 @@ def reconstruct(
         from ruptfx.many_runs.reconstruction.reconstruct import reconstruct as compute
         from ruptfx.platform import parallel
 
-        names = ["case.toml", "reconstruction.nc", "summary.json", *(f"{name}.png" for name in FIGURES)]
+        names = ["case.toml", "fitted.toml", "reconstruction.nc", "summary.json", *(f"{name}.png" for name in FIGURES)]
 
         def claim() -> None:
             with writing(out, [case], overwrite) as files:
@@ -64,6 +64,8 @@ def reconstruct(
                 parsed.save(files.place)
                 write_netcdf(result.dataset(), files.place / "reconstruction.nc")
                 write_json(files.place / "summary.json", summary)
+                if result.law is not None and result.law.case is not None:
+                    (files.place / "fitted.toml").write_text(result.law.case.to_toml(), encoding="utf-8")
                 for name, draw in FIGURES.items():
                     save(draw(result), files.place / f"{name}.png", "png")
             for note in summary["notes"]:

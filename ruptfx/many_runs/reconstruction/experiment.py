@@ -225,7 +225,7 @@ class Experiment:
     def unknowns(self) -> list[tuple[Unknown, list[int], str]]:
         """Return the unknowns of terms with the numbers of their terms and their parameter.
 
-        Unknowns of the interface are for `ruptfx infer` and without effect here.
+        Unknowns of the friction law are for its fit; others of the interface have no effect here.
 
         Raises
         ------

@@ -3,9 +3,13 @@
 The prior covariance is a product of Matern functions of order 5/2 of distance and of time. The eigenvectors of both
 with all but `TAIL` of the variance are the modes Phi of space and Psi of time: V = Phi c Psi' with independent normal
 coefficients c. With B the derivative of the data by the coefficients over the standard deviation of the noise, the
-posterior is computed in the space of the data d by the Cholesky factor L of B B' + I = L L':
+posterior of data d over their standard deviations is computed in the space of the data, or of the coefficients,
+whichever is smaller, by the Cholesky factor L of
 
-    mean = B' (L L')^-1 d        covariance = I - W' W with W = L^-1 B
+    B B' + I = L L'    mean = B' (L L')^-1 d    covariance = I - W' W with W = L^-1 B
+    B' B + I = L L'    mean = (L L')^-1 B' d    covariance = Z' Z with Z = L^-1
+
+The factor depends on sensors, noise and prior, not on the data. Products with B are those by FFT in time.
 
 Source: Rasmussen and Williams (2006); samples by Matheron's rule, Journel and Huijbregts (1978).
 """
@@ -13,6 +17,7 @@ Source: Rasmussen and Williams (2006); samples by Matheron's rule, Journel and H
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +55,11 @@ class Prior:
     def size(self) -> int:
         """Number of coefficients."""
         return int(self.space.shape[1] * self.time.shape[1])
+
+    def of_modes(self, coefficients: Floats) -> Floats:
+        """Return the time histories of the modes of space, shape (..., knots, r)."""
+        shaped = coefficients.reshape(*coefficients.shape[:-1], self.space.shape[1], self.time.shape[1])
+        return np.asarray(np.einsum("tp,...mp->...tm", self.time, shaped, optimize=True))
 
     def fields(self, coefficients: Floats, weights: Floats | None = None) -> Floats:
         """Return slip rates at the knots, shape (..., knots, n).
@@ -102,18 +112,50 @@ class Rows:
 
     def design(self, prior: Prior) -> Floats:
         """Return the derivatives of the data by the coefficients over sigma, shape (data, coefficients)."""
+        return Products(prior, self).matrix()
+
+
+class Products:
+    """Products with the derivatives B of data by coefficients over sigma, by FFT in time."""
+
+    def __init__(self, prior: Prior, rows: Rows) -> None:
         from scipy import fft
 
-        knots, (space, time) = len(prior.time), (prior.space, prior.time)
-        length = fft.next_fast_len(2 * knots, real=True)
-        in_time = fft.rfft(time, length, axis=0)
-        result = np.empty((len(self.kernel), space.shape[1], time.shape[1]))
-        for number in np.unique(self.kernel):  # that of zeros included
-            mine = np.flatnonzero(self.kernel == number)
-            of_modes = fft.rfft(self.kernels[number] @ space, length, axis=0)
-            both = fft.irfft(of_modes[:, :, None] * in_time[:, None, :], length, axis=0)
-            result[mine] = both[self.lag[mine]] / self.sigma[mine, None, None]
-        return result.reshape(len(self.kernel), -1)
+        self._prior, self._rows = prior, rows
+        self._length = fft.next_fast_len(2 * len(prior.time), real=True)
+        self._spectra = fft.rfft(rows.kernels @ prior.space, self._length, axis=1)  # (kernels, frequencies, modes)
+
+    def matrix(self) -> Floats:
+        """Return B, shape (data, coefficients)."""
+        from scipy import fft
+
+        prior, rows = self._prior, self._rows
+        in_time = fft.rfft(prior.time, self._length, axis=0)
+        result = np.empty((len(rows.kernel), prior.space.shape[1], prior.time.shape[1]))
+        for number in np.unique(rows.kernel):  # that of zeros included
+            mine = np.flatnonzero(rows.kernel == number)
+            both = fft.irfft(self._spectra[number][:, :, None] * in_time[:, None, :], self._length, axis=0)
+            result[mine] = both[rows.lag[mine]] / rows.sigma[mine, None, None]
+        return result.reshape(len(rows.kernel), -1)
+
+    def forward(self, coefficients: Floats) -> Floats:
+        """Return B c, shape (..., data), of coefficients, shape (..., coefficients)."""
+        from scipy import fft
+
+        rows, rates = self._rows, fft.rfft(self._prior.of_modes(coefficients), self._length, axis=-2)
+        readings = fft.irfft(np.einsum("kfm,...fm->...fk", self._spectra, rates), self._length, axis=-2)
+        return np.asarray(readings[..., rows.lag, rows.kernel] / rows.sigma)
+
+    def adjoint(self, values: Floats) -> Floats:
+        """Return B' d, shape (coefficients,), of values d, shape (data,)."""
+        from scipy import fft
+
+        prior, rows = self._prior, self._rows
+        series = np.zeros((len(prior.time), len(rows.kernels)))
+        np.add.at(series, (rows.lag, rows.kernel), values / rows.sigma)
+        spectrum = np.einsum("kfm,fk->fm", np.conj(self._spectra), fft.rfft(series, self._length, axis=0))
+        in_modes = fft.irfft(spectrum, self._length, axis=0)[: len(prior.time)]
+        return np.asarray((in_modes.T @ prior.time).ravel())
 
 
 class Posterior:
@@ -125,6 +167,8 @@ class Posterior:
     rows : Rows
     columns : ndarray, shape (data, extra), optional
         Changes of the data by one prior standard deviation of further unknowns.
+    factor : ndarray, optional
+        `factor` of a posterior of the same prior, rows and columns, whose data differ.
 
     Attributes
     ----------
@@ -132,51 +176,93 @@ class Posterior:
     extra, extra_deviation : ndarray, shape (extra,)
         Further unknowns and their posterior standard deviations, over those of the prior.
     fit : ndarray, shape (data,)
+    factor : ndarray
+        Lower triangle L.
     """
 
-    def __init__(self, prior: Prior, rows: Rows, columns: Floats | None = None) -> None:
-        from scipy.linalg import cho_factor, solve_triangular
-
-        self.prior = prior
-        extra = np.zeros((len(rows.values), 0)) if columns is None else columns / rows.sigma[:, None]
-        self._design = np.hstack([rows.design(prior), extra])
-        factor = cho_factor(self._design @ self._design.T + np.eye(len(rows.values)), lower=True)
-        self._rows, self._factor = rows, factor
-        self._half = solve_triangular(factor[0], self._design, lower=True)  # W
+    def __init__(self, prior: Prior, rows: Rows, columns: Floats | None = None, factor: Floats | None = None) -> None:
+        self.prior, self._rows = prior, rows
+        self._columns = np.zeros((len(rows.values), 0)) if columns is None else columns / rows.sigma[:, None]
+        self._products = Products(prior, rows)
+        self._in_data = len(rows.values) <= prior.size + self._columns.shape[1]
+        self.factor = self._factorised() if factor is None else factor
         mean = self.solution(rows.values)
         self.mean, self.extra = mean[: prior.size], mean[prior.size :]
-        self.extra_deviation = np.sqrt(np.maximum(1 - np.sum(self._half[:, prior.size :] ** 2, axis=0), 0.0))
-        self.fit = rows.sigma * (self._design @ mean)
+        self.fit = rows.sigma * self._forward(mean)
+
+    def _factorised(self) -> Floats:
+        from scipy.linalg import cholesky
+
+        design = self._design
+        product = design @ design.T if self._in_data else design.T @ design
+        product[np.diag_indices_from(product)] += 1.0
+        return np.asarray(cholesky(product, lower=True, overwrite_a=True, check_finite=False))
+
+    @cached_property
+    def _design(self) -> Floats:
+        return np.hstack([self._products.matrix(), self._columns])
+
+    @cached_property
+    def _half(self) -> Floats:
+        """W in the space of the data, else Z."""
+        from scipy.linalg import solve_triangular
+
+        right = self._design if self._in_data else np.eye(len(self.factor))
+        return np.asarray(solve_triangular(self.factor, right, lower=True, check_finite=False))
+
+    def _forward(self, coefficients: Floats) -> Floats:
+        size = self.prior.size
+        return self._products.forward(coefficients[..., :size]) + coefficients[..., size:] @ self._columns.T
+
+    def _adjoint(self, values: Floats) -> Floats:
+        return np.concatenate([self._products.adjoint(values), self._columns.T @ values])
+
+    def _solved(self, right: Floats) -> Floats:
+        from scipy.linalg import cho_solve
+
+        return np.asarray(cho_solve((self.factor, True), right, check_finite=False))
 
     def solution(self, values: Floats) -> Floats:
         """Return the mean of the coefficients and further unknowns for other values of the data, shape (data,)."""
-        return np.asarray(self._design.T @ self._weights(values / self._rows.sigma))
+        scaled = values / self._rows.sigma
+        return self._adjoint(self._solved(scaled)) if self._in_data else self._solved(self._adjoint(scaled))
 
-    def _weights(self, values: Floats) -> Floats:
-        from scipy.linalg import cho_solve
+    @property
+    def change(self) -> Floats:
+        """Changes of the data by the mean of further unknowns, shape (data,)."""
+        return np.asarray(self._rows.sigma * (self._columns @ self.extra))
 
-        return np.asarray(cho_solve(self._factor, values))
+    @property
+    def extra_deviation(self) -> Floats:
+        """Posterior standard deviations of further unknowns over those of the prior, shape (extra,)."""
+        squares = np.sum(self._half[:, self.prior.size :] ** 2, axis=0)
+        return np.sqrt(np.maximum(1 - squares if self._in_data else squares, 0.0))
 
     def deviation(self, weights: Floats | None = None) -> Floats:
         """Return the posterior standard deviation of what `Prior.fields` returns, shape (times, n)."""
-        time = self.prior.time if weights is None else weights @ self.prior.time
-        half = self._half[:, : self.prior.size].reshape(len(self._half), *self._shape)
-        variance = self.prior.deviation(weights) ** 2
-        for point, row in enumerate(self.prior.space):
-            variance[:, point] -= np.sum((np.einsum("dmp,m->dp", half, row, optimize=True) @ time.T) ** 2, axis=0)
+        prior = self.prior
+        time = prior.time if weights is None else weights @ prior.time
+        half = self._half[:, : prior.size].reshape(len(self._half), prior.space.shape[1], prior.time.shape[1])
+        removed = np.empty((len(time), len(prior.space)))
+        for point, row in enumerate(prior.space):
+            removed[:, point] = np.sum((np.einsum("dmp,m->dp", half, row, optimize=True) @ time.T) ** 2, axis=0)
+        variance = prior.deviation(weights) ** 2 - removed if self._in_data else removed
         return np.sqrt(np.maximum(variance, 0.0))
-
-    @property
-    def _shape(self) -> tuple[int, int]:
-        return self.prior.space.shape[1], self.prior.time.shape[1]
 
     def samples(self, count: int, seed: int) -> Floats:
         """Return samples of the coefficients, shape (count, coefficients)."""
+        from scipy.linalg import solve_triangular
+
         random = np.random.default_rng(seed)
-        start = random.normal(size=(count, self._design.shape[1]))
+        start = random.normal(size=(count, self.prior.size + self._columns.shape[1]))
+        if not self._in_data:
+            spread = solve_triangular(self.factor, start.T, lower=True, trans=1, check_finite=False).T
+            return np.asarray(np.concatenate([self.mean, self.extra]) + spread)[:, : self.prior.size]
         noise = random.normal(size=(count, len(self._rows.values)))
-        residuals = self._rows.values / self._rows.sigma - start @ self._design.T - noise
-        return np.asarray(start + self._weights(residuals.T).T @ self._design)[:, : self.prior.size]
+        weights = self._solved((self._rows.values / self._rows.sigma - self._forward(start) - noise).T).T
+        return np.array([one + self._adjoint(each) for one, each in zip(start, weights, strict=True)])[
+            :, : self.prior.size
+        ]
 
 
 def likeliest(

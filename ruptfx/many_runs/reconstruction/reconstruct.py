@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ruptfx.case import Case
 from ruptfx.many_runs.adjoint.sweeps import Told
 from ruptfx.many_runs.reconstruction.experiment import Experiment
+from ruptfx.many_runs.reconstruction.law_fit import POSITIONS, SAMPLES, Histories, LawFit, fit_law
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest
 from ruptfx.many_runs.reconstruction.responses import Responses
-from ruptfx.many_runs.reconstruction.result import Curves, Reconstruction
-from ruptfx.many_runs.reconstruction.twin import Motion, Twin
+from ruptfx.many_runs.reconstruction.result import KNOWN, Curves, Reconstruction
+from ruptfx.many_runs.reconstruction.twin import Tractions, Twin
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.progress import Progress, working
 from ruptfx.readings.misfits import Reconstruction as Settings
@@ -32,52 +33,106 @@ class Solution:
 
     Attributes
     ----------
-    prior : dict of str to float
-    mean, deviation, prior_deviation, slip_deviation : ndarray, shape (knots, n)
+    mean, deviation, slip_deviation : ndarray, shape (knots, n)
     samples : ndarray, shape (samples, knots, n)
+    curves : Curves
     extra, extra_deviation : ndarray, shape (unknowns,)
         Over prior standard deviations.
-    shifts : list of ndarray
-        Changes of the readings of all channels by these unknowns.
     fit : list of ndarray
-        Readings of all channels.
+        Readings of all channels, with the changes by these unknowns.
+    law : LawFit or None
+    seconds : float
+        Of the law.
     """
 
-    prior: dict[str, float]
     mean: Floats
     deviation: Floats
-    prior_deviation: Floats
     slip_deviation: Floats
     samples: Floats
+    curves: Curves
     extra: Floats
     extra_deviation: Floats
-    shifts: list[Floats]
     fit: list[Floats]
+    law: LawFit | None
+    seconds: float
 
 
-def solve(experiment: Experiment, rows: Rows, twin: Twin, still: list[Sample], settings: Settings) -> Solution:
-    """Return the posterior of the slip rate, on one rank."""
-    times, position = twin.knots.times, twin.position
+@dataclass(frozen=True)
+class Setting:
+    """What is known before the data of an experiment."""
+
+    experiment: Experiment
+    rows: Rows
+    twin: Twin
+    still: list[Sample]
+    settings: Settings
+    stored: Responses
+    tractions: Tractions
+    lengths: dict[str, float]
+    towards: float
+
+
+def lengths_of(rows: Rows, twin: Twin, settings: Settings) -> dict[str, float]:
+    """Return amplitude, length and time of the prior, on one rank."""
     known = {name: getattr(settings, name) for name in ("amplitude", "length", "time")}
-    lengths = {name: parallel.three_digits(value) for name, value in likeliest(known, rows, position, times).items()}
-    lengths |= {name: value for name, value in known.items() if value is not None}
-    prior = Prior.of_lengths(**lengths, position=position, times=times)
-    loaded = np.concatenate([sample.values for sample in still])
-    posterior = Posterior(prior, rows)
-    fit, changes = loaded + posterior.fit, np.zeros(len(loaded))
-    for _ in range(PASSES if experiment.unknowns() else 0):
-        columns = experiment.columns(experiment.split(fit))
-        posterior = Posterior(prior, rows, columns)
-        changes = columns @ posterior.extra
-        fit = loaded + posterior.fit - changes
-    knots = len(times)
+    likely = likeliest(known, rows, twin.position, twin.knots.times)
+    return {name: value if value is not None else parallel.three_digits(likely[name]) for name, value in known.items()}
+
+
+def solve(at: Setting, prior: Prior) -> Solution:
+    """Return the posterior of the slip rate, on one rank."""
+    experiment, rows, settings = at.experiment, at.rows, at.settings
+    loaded = np.concatenate([sample.values for sample in at.still])
     # Slip is the integral of a slip rate that is linear between the knots and zero before the first interval.
-    summed = twin.knots.interval * (np.tril(np.ones((knots, knots))) - 0.5 * np.eye(knots))
+    summed = at.twin.slip(np.eye(len(prior.time)))
+
+    def independent(columns: Floats | None = None) -> dict[str, Floats]:
+        made = Posterior(prior, rows, columns)
+        return {"factor": made.factor, "deviation": made.deviation(), "slip_deviation": made.deviation(summed)}
+
+    if experiment.unknowns():
+        posterior, fit = Posterior(prior, rows), loaded
+        for _ in range(PASSES):
+            fit = loaded + posterior.fit - (posterior.change if posterior.extra.size else 0.0)
+            posterior = Posterior(prior, rows, experiment.columns(experiment.split(fit)))
+        deviations = {"deviation": posterior.deviation(), "slip_deviation": posterior.deviation(summed)}
+    else:
+        deviations = at.stored.posterior(prior, rows, independent)
+        posterior = Posterior(prior, rows, factor=deviations["factor"])
+    mean, samples = posterior.mean, posterior.samples(settings.samples, settings.seed)
+    rates = prior.fields(np.vstack([mean, samples]))
+    curves = Curves(at.twin.slip(rates), *at.tractions.of(prior.of_modes(np.vstack([mean, samples]))))
+    begun = time.perf_counter()
+    law = _law(at, prior, posterior, deviations["deviation"], curves)
     return Solution(
-        lengths, prior.fields(posterior.mean), posterior.deviation(), prior.deviation(), posterior.deviation(summed),
-        prior.fields(posterior.samples(settings.samples, settings.seed)), posterior.extra, posterior.extra_deviation,
-        experiment.split(changes), experiment.split(fit),
+        rates[0], deviations["deviation"], deviations["slip_deviation"], rates[1:], curves, posterior.extra,
+        posterior.extra_deviation, experiment.split(loaded + posterior.fit), law, time.perf_counter() - begun,
     )  # fmt: skip
+
+
+def _law(at: Setting, prior: Prior, posterior: Posterior, deviation: Floats, curves: Curves) -> LawFit | None:
+    """Return the law of the case fitted where the slip rate is known, at positions a correlation length apart."""
+    twin, order = at.twin, np.argsort(at.twin.position)
+    known = 1 - np.mean(deviation**2, axis=0) / np.mean(prior.deviation() ** 2, axis=0)
+    if at.settings.positions is not None:
+        points = {int(np.argmin(np.abs(twin.position - each))) for each in at.settings.positions}
+    else:
+        apart, points = max(at.lengths["length"], np.ptp(twin.position) / POSITIONS), set[int]()
+        for each in order[np.argsort(-known[order], kind="stable")]:
+            if known[each] >= KNOWN and all(abs(twin.position[each] - twin.position[one]) >= apart for one in points):
+                points.add(int(each))
+    if not points:
+        return None
+    index = np.array(sorted(points))
+    samples = np.vstack([posterior.mean, posterior.samples(SAMPLES, at.settings.seed + 1)])
+    rates = Prior(prior.space[index], prior.time).fields(samples)
+    shear, normal = at.tractions.of(prior.of_modes(samples), index)
+    width = max(1, round(0.5 * at.lengths["time"] / twin.knots.interval))
+    made = Histories(
+        index, twin.knots.times, at.towards * rates, at.towards * shear, normal, deviation[:, index],
+        (twin.normal_stress[index], np.abs(twin.shear_traction[index])), twin.position[index],
+    )  # fmt: skip
+    return fit_law(at.experiment.case, twin.fault.name, made, width)
 
 
 def reconstruct(
@@ -88,7 +143,7 @@ def reconstruct(
     Parameters
     ----------
     case : Case
-        With `[[objective]]` entries of data; its friction law is not used.
+        With `[[objective]]` entries of data; its friction law is used for nothing but the fit to the result.
     responses : str or Path, optional
         Folder of impulse responses, which are read where they are there and written where not.
     comm : MPI communicator, optional
@@ -120,26 +175,35 @@ def reconstruct(
     rows = experiment.rows(
         twin.knots, lambda number, phase: twin.kernel(readings, number, lags[number], phase), still.samples
     )
+    with working("lengths of the prior", show):
+        lengths = parallel.on_root(comm, lambda: lengths_of(rows, twin, settings))
+    prior = Prior.of_lengths(**lengths, position=twin.position, times=twin.knots.times)
+    with Progress(show) as bar:
+        tractions = stored.tractions(still, prior, lengths["amplitude"], bar.update)
+    towards = float(np.sign(parallel.total(comm, float(np.sum(twin.fault.shear_traction_0))))) or 1.0
+    at = Setting(experiment, rows, twin, still.samples, settings, stored, tractions, lengths, towards)
     set_up, begun = time.perf_counter() - begun, time.perf_counter()
     with working("computing mean and deviation", show):
-        solution = parallel.on_root(comm, lambda: solve(experiment, rows, twin, still.samples, settings))
-    solved, begun = time.perf_counter() - begun, time.perf_counter()
-    towards = np.sign(parallel.total(comm, float(np.sum(twin.fault.shear_traction_0)))) or 1.0
-    samples = solution.samples
-    if settings.positive:
+        solution = parallel.on_root(comm, lambda: solve(at, prior))
+    samples, curves = solution.samples, solution.curves
+    solved, begun = time.perf_counter() - begun - solution.seconds, time.perf_counter()
+    if settings.positive:  # no sum of modes: one run each
         samples = towards * np.maximum(towards * samples, 0.0)
-    motions = list[Motion]()
-    with Progress(show) as bar:
-        for number, slip_rate in enumerate([solution.mean, *samples]):
-            motions.append(twin.run(readings, slip_rate, _part(bar.update, number, 1 + len(samples), "run")))
-    curves = Curves(*(np.array([getattr(each, name) for each in motions])
-                      for name in ("slip", "shear_traction", "normal_stress")))  # fmt: skip
+        with Progress(show) as bar:
+            motions = [
+                twin.run(readings, each, _part(bar.update, number, len(samples), "run"))
+                for number, each in enumerate(samples)
+            ]
+        curves = Curves(*(
+            np.array([getattr(curves, name)[0], *(getattr(each, name) for each in motions)])
+            for name in ("slip", "shear_traction", "normal_stress")
+        ))  # fmt: skip
     about = {
-        "seconds": {"set_up": set_up, "posterior": solved, "runs": time.perf_counter() - begun},
+        "seconds": {"set_up": set_up, "posterior": solved, "law": solution.seconds,
+                    "runs": time.perf_counter() - begun},
         "responses_computed": stored.computed, "responses_read": stored.read,
         "time_step": twin.knots.dt, "begin": twin.knots.begin, "interval": twin.knots.interval,
         "positivity": "samples projected" if settings.positive else "not imposed",
-        "fit_of_run": _closure(motions[0], solution),
     }  # fmt: skip
     unknowns = {
         unknown.key: (float(unknown.sigma or 0.0) * float(value), float(unknown.sigma or 0.0) * float(deviation),
@@ -149,19 +213,12 @@ def reconstruct(
         )
     }  # fmt: skip
     return Reconstruction(
-        twin.position, twin.knots.times, solution.mean, solution.deviation, solution.prior_deviation,
-        solution.slip_deviation, samples, curves, experiment.channels,
-        [sample.values + shift for sample, shift in zip(motions[0].samples, solution.shifts, strict=True)],
-        unknowns, solution.prior, settings.positions, about,
+        twin.position, twin.knots.times, solution.mean, solution.deviation, prior.deviation(),
+        solution.slip_deviation, samples, curves, experiment.channels, solution.fit,
+        unknowns, lengths, settings.positions, about, solution.law,
     )  # fmt: skip
 
 
 def _part(tell: Told, number: int, count: int, name: str) -> Told:
     """Return a report of one of several parts."""
     return lambda done, text: tell((number + done) / count, f"{name} {number + 1} of {count}, {text}")
-
-
-def _closure(motion: Motion, solution: Solution) -> float:
-    """Return the largest difference of the run with the mean slip rate from the fit, over the largest reading."""
-    pairs = [(sample.values, fit) for sample, fit in zip(motion.samples, solution.fit, strict=True)]
-    return max(float(np.abs(run - fit).max() / max(np.abs(run).max(), 1e-300)) for run, fit in pairs)

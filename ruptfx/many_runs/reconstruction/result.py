@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ruptfx import Table
 from ruptfx.input.quantities import with_prefix
 from ruptfx.many_runs.reconstruction.experiment import Channel
+from ruptfx.many_runs.reconstruction.law_fit import LawFit
 
 if TYPE_CHECKING:
     import xarray
@@ -95,6 +96,8 @@ class Reconstruction:
         `amplitude` [m/s], `length` [m], `time` [s].
     about : Table
         Further entries of the summary.
+    law : LawFit or None
+        Friction law of the case with parameters that fit; None where nothing slides surely.
     """
 
     position: Floats
@@ -111,6 +114,7 @@ class Reconstruction:
     prior: dict[str, float]
     positions: Sequence[float] | None = None
     about: Table = field(default_factory=dict)
+    law: LawFit | None = None
 
     @cached_property
     def information(self) -> Floats:
@@ -212,7 +216,7 @@ class Reconstruction:
                 key: {"change": change, "deviation": deviation, "unit": unit}
                 for key, (change, deviation, unit) in self.unknowns.items()
             },
-            "notes": self.notes(),
+            "law": None if self.law is None else self.law.table(), "notes": self.notes(),
         }  # fmt: skip
         return {"verdict": self.verdict(numbers), **numbers, **self.about}
 
@@ -235,7 +239,7 @@ class Reconstruction:
             f"at {place} slip {slip} +- {with_prefix(numbers['final_slip_deviation'], 'm', 2)} and breakdown work "
             f"{work:.3g} +- {spread:.2g} J/m2{unsure}; weakening within less than "
             f"{with_prefix(numbers['resolved_slip'], 'm', 2)} of slip is not resolved; the data are fitted to "
-            f"{numbers['misfit']:.3g} times noise."
+            f"{numbers['misfit']:.3g} times noise" + ("." if self.law is None else f"; {self.law.sentence()}.")
         )
 
     def dataset(self) -> xarray.Dataset:
@@ -272,6 +276,11 @@ class Reconstruction:
             for name, values in (("data", channel.values), ("fit", fit), ("sigma", channel.sigma)):
                 about = {"units": channel.unit, "long_name": f"{channel.name}, {name}"}
                 data[f"channel_{number}.{name}"] = (dim, values, about)
+        if self.law is not None:
+            fitted = np.full(self.mean.shape, np.nan)
+            fitted[:, self.law.points] = self.law.friction
+            data["friction_of_law"] = (grid, fitted, {"units": "1", "long_name": f"strength of {self.law.kind} over "
+                                                      "normal stress while it slides"})  # fmt: skip
         coordinates = {
             "time": ("time", self.times, {"units": "s"}),
             "position": ("position", self.position, {"units": "m"}),

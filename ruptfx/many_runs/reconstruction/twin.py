@@ -49,6 +49,8 @@ Floats = NDArray[np.float64]
 PLANES = ("strain", "stress", "antiplane")
 FIRST = 2
 """Steps at the start whose coefficients differ from those of all others; slip begins after them."""
+ROUNDING = 1e-10
+"""Part of the largest traction below which all changes of the normal stress are those of rounding."""
 ALIGNED = 1e-6
 """Difference of times over the interval of knots below which they are equal."""
 
@@ -114,14 +116,25 @@ class Motion:
     Attributes
     ----------
     samples : list of Sample
-    slip, shear_traction, normal_stress : ndarray, shape (knots, n)
-        [m], [Pa], and [Pa] with compression positive.
+    slip : ndarray, shape (knots, n)
+        [m]
+    tractions : ndarray, shape (2, 1 + knots, n)
+        Shear traction and normal stress, compression positive, from the beginning of the first interval on [Pa].
     """
 
     samples: list[Sample]
     slip: Floats
-    shear_traction: Floats
-    normal_stress: Floats
+    tractions: Floats
+
+    @property
+    def shear_traction(self) -> Floats:
+        """Shear traction at the knots."""
+        return np.asarray(self.tractions[0, 1:])
+
+    @property
+    def normal_stress(self) -> Floats:
+        """Normal stress at the knots."""
+        return np.asarray(self.tractions[1, 1:])
 
 
 class Twin:
@@ -145,6 +158,8 @@ class Twin:
     knots : Knots
     position : ndarray, shape (n,)
         Points of the interface in their order [m].
+    normal_stress, shear_traction : ndarray, shape (n,)
+        Initial stresses there [Pa].
 
     Raises
     ------
@@ -170,6 +185,8 @@ class Twin:
         face = self.fault.interface
         self.position = whole(self.model, face, face.position)
         self.weight = whole(self.model, face, face.weight)
+        self.normal_stress = whole(self.model, face, self.fault.normal_stress_0)
+        self.shear_traction = whole(self.model, face, self.fault.shear_traction_0[:, 0])
 
     def readings(self, requests: Sequence[Request]) -> Readings:
         """Return the readings of a run; collective.
@@ -247,6 +264,23 @@ class Twin:
         times = knots.times + knots.interval * (phase - 1.0)
         return readings.trace_of(number, series, times)
 
+    def traction_kernels(self, still: Motion, shapes: Floats, tell: Told = lambda done, text: None) -> Floats:
+        """Return the kernels of `Tractions` of modes of space, shape (n, modes), by one run each; collective."""
+        nothing, count = Readings(self.model, self.knots.dt, self.knots.steps, []), shapes.shape[1]
+        result = np.zeros((2, 1 + self.knots.count, *shapes.shape))
+        slip_rate = np.zeros((self.knots.count, len(shapes)))
+        for mode in range(count):
+            slip_rate[0] = shapes[:, mode]
+            motion = self.run(nothing, slip_rate, lambda done, text, mode=mode: tell((mode + done) / count, text))  # type: ignore[misc]
+            result[..., mode] = motion.tractions - still.tractions
+        size = np.abs(result).max(axis=(1, 2, 3), keepdims=True)
+        result[size[:, 0, 0, 0] <= ROUNDING * size.max()] = 0.0  # normal stress of a plane of symmetry
+        return result
+
+    def slip(self, slip_rate: Floats) -> Floats:
+        """Return the slip at the knots of slip rates, shape (..., knots, n) [m]: it is linear between them."""
+        return np.asarray(self.knots.interval * (np.cumsum(slip_rate, axis=-2) - 0.5 * slip_rate))
+
     def run(self, readings: Readings, slip_rate: Floats | None = None, tell: Told = lambda done, text: None) -> Motion:
         """Make a run with known loads and a slip rate at the knots, shape (knots, n); without it nothing slips."""
         knots, face = self.knots, self.fault.interface
@@ -255,23 +289,66 @@ class Twin:
         if slip_rate is not None:
             in_steps = knots.dt * knots.in_steps(slip_rate[:, face.number])
             self._slip.values[1:] = np.concatenate([np.cumsum(in_steps, axis=0), in_steps.sum(axis=0)[None]])
-        own = np.zeros((3, knots.count, count))
+        own = np.zeros((3, 1 + knots.count, count))
         state = self.model.initial_state()
         readings.observe(0, state)
         for step in range(1, knots.steps + 1):
             self._motion.step(state)
             readings.observe(step, state)
             knot, odd = divmod(step - 1 - knots.first, knots.every)
-            if not odd and 1 <= knot <= knots.count:
+            if not odd and 0 <= knot <= knots.count:
                 fields, fault = state.faults[self.fault.name], self.fault
-                own[:, knot - 1] = (
+                own[:, knot] = (
                     fault.components(fields, "slip")[:, 0], fault.components(fields, "shear_traction")[:, 0],
                     fields["normal_stress"],
                 )  # fmt: skip
             tell(step / knots.steps, f"run  step {step} of {knots.steps}")
-        result = np.zeros((3, knots.count, face.total))
+        result = np.zeros((3, 1 + knots.count, face.total))
         result[:, :, face.number[face.owned]] = own[:, :, face.owned]
-        return Motion(readings.samples(), *parallel.total(self.model.comm, result))
+        slip, *tractions = parallel.total(self.model.comm, result)
+        return Motion(readings.samples(), slip[1:], np.array(tractions))
+
+
+@dataclass(frozen=True)
+class Tractions:
+    """Tractions of a run with any slip rate of some modes of space.
+
+    Attributes
+    ----------
+    shear_traction, normal_stress : ndarray, shape (knots, n)
+        Of a run without slip [Pa].
+    kernels : ndarray, shape (2, 1 + knots, n, modes)
+        Changes of both by the mode of 1 m/s at the first knot, from one knot before it on [Pa s/m]: a traction is that
+        between two steps, and the slip rate of the second one is already that of the next interval.
+    """
+
+    shear_traction: Floats
+    normal_stress: Floats
+    kernels: Floats
+
+    def of(self, rates: Floats, points: NDArray[np.int64] | slice = slice(None)) -> tuple[Floats, Floats]:
+        """Return shear traction and normal stress, shapes (samples, knots, points) [Pa].
+
+        Parameters
+        ----------
+        rates : ndarray, shape (samples, knots, modes)
+            Factors of the modes [m/s].
+        points : ndarray of int or slice
+            Points of the interface.
+        """
+        from scipy import fft
+
+        knots = rates.shape[1]
+        length = fft.next_fast_len(2 * knots + 1, real=True)
+        spectrum = np.moveaxis(fft.rfft(rates, length, axis=1), 0, -1)  # (frequencies, modes, samples)
+        results = []
+        for still, kernel in zip((self.shear_traction, self.normal_stress), self.kernels, strict=True):
+            change = np.zeros((1, 1, 1))
+            if np.any(kernel):
+                both = fft.rfft(kernel[:, points], length, axis=0) @ spectrum
+                change = np.moveaxis(fft.irfft(both, length, axis=0)[1 : knots + 1], -1, 0)
+            results.append(still[:, points] + change + np.zeros((len(rates), 1, 1)))
+        return results[0], results[1]
 
 
 class _Slip:

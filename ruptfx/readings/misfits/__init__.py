@@ -233,14 +233,15 @@ class Reconstruction(Part):
     interval: Duration | None = None
     """Time between the instants at which the slip rate is computed, linear between them; default is the shortest
     interval of the data."""
-    samples: Annotated[int, Field(ge=2)] = 24
-    """Number of samples of the slip rate, each with a run for its tractions."""
+    samples: Annotated[int, Field(ge=2)] = 64
+    """Number of samples of the slip rate and its tractions; with `positive` each has a run."""
     seed: int = 0
     """Seed of the samples."""
     positive: bool = False
     """Set slip rates of samples against the direction of the initial shear stress to zero."""
     positions: Annotated[list[float], Field(min_length=1), Unit("m")] | None = None
-    """Positions of the curves of traction against slip; default are four where the slip rate is known best."""
+    """Positions of the curves of traction against slip; default are four where the slip rate is known best.
+    The friction law of the case is fitted there, by default at up to 12 of known slip rate."""
 
 
 if TYPE_CHECKING:
