@@ -43,6 +43,8 @@ SOURCE = "EQdyna 5.1.0, 100 m"
 FLUID = {"kind": "thermal_pressurisation", "heat_capacity": 2.7e6, "thermal_diffusivity": 1e-6,
          "pressure_per_temperature": 0.1e6, "width": 20e-3}  # fmt: skip
 DEEP, SHALLOW = 45e6, 9.8 * 1670.0  # Pa, Pa/m
+LOADED, EXTRA, RADIUS = 0.41, 50e6, 1.5e3  # shear over normal stress; Pa and m of the patch
+DRAINS = (4e-4, 1.0004)  # hydraulic diffusivity inside and outside, m2/s
 BELOW = (9e3, 6e3)  # m down dip: middle and half width of the part that weakens, 3 km below the surface
 MOST = 0.25  # of the processor time of a step
 
@@ -50,7 +52,7 @@ MOST = 0.25  # of the processor time of a step
 def make(element_size: float, fluid: bool) -> Table:
     """Return the case on elements of a size [m], with or without the fluid."""
     law = {**LAW, "a": weakening(0.01, 0.02, *BELOW), "V_w": weakening(0.1, 1.0, *BELOW)}
-    table: Any = case(element_size, law, 0.0, 50e6, DURATION)
+    table: Any = case(element_size, law, 0.0, EXTRA, DURATION)
     fault = table["faults"]["main"]
 
     def with_depth(factor: float) -> Table:
@@ -58,10 +60,10 @@ def make(element_size: float, fluid: bool) -> Table:
         values = [factor * stress for stress in (50.0 * SHALLOW, 50.0 * SHALLOW, DEEP, DEEP)]
         return {"kind": "along_dip", "profile": {"kind": "table", "positions": positions, "values": values}}
 
-    fault["initial_stress"] = {"normal": with_depth(1.0), "shear": with_depth(0.41)}
-    fault["nucleation"] |= {"center": {"x": -4e3, "y": 0.0, "z": -7.5e3}, "radius": 1.5e3}
+    fault["initial_stress"] = {"normal": with_depth(1.0), "shear": with_depth(LOADED)}
+    fault["nucleation"] |= {"center": {"x": -4e3, "y": 0.0, "z": -7.5e3}, "radius": RADIUS}
     if fluid:
-        fault["pore_pressure"] = {**FLUID, "hydraulic_diffusivity": weakening(4e-4, 1.0004)}
+        fault["pore_pressure"] = {**FLUID, "hydraulic_diffusivity": weakening(*DRAINS)}
     return table
 
 

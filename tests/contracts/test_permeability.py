@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from helpers.messages import facts
 
 pytest.importorskip("dolfinx")
 
-from helpers.messages import facts
 from helpers.small_cases import case, slip_weakening
 from helpers.strike_cases import faulted
 
+from ruptfx import RuptfxError
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.fields import Heating
@@ -171,6 +173,28 @@ def test_the_permeability_follows_slip_and_stress_of_a_run_and_keeps_the_fluid(s
     np.testing.assert_allclose(made.permeability(slid, pressed), grown, rtol=1e-9, atol=1e-12)
     stored = STORAGE * parallel.total(model.comm, float((face.owned * face.area) @ memory["0.change"][:, 0]))
     assert stored == pytest.approx(rate * state.fault_time, rel=1e-12)
+
+
+def test_explicit_steps_that_are_too_long_for_a_well_are_refused_with_a_step_that_works() -> None:
+    """The error of a step is its difference from one of first order; with the printed step the run goes on."""
+    well = {"center": 6e-3, "rate": 4e2}
+    table = {"permeability": 1e-11, "wells": [well]}
+    model = line(table, order=2, stepper={"kind": "leapfrog", "time_step": 1e-7})
+    refused = r"1e-07 s .* (\S+) Pa at .* normal stress, (\S+) Pa, .* stepper.time_step = (\S+),"
+
+    def march(case: Any) -> None:
+        made = Model(case)
+        motion, state = case.stepper.bind(made), made.initial_state()
+        for _ in range(6):
+            motion.step(state)
+
+    with pytest.raises(RuptfxError, match=refused) as caught:
+        march(model.case)
+    error, most, shorter = map(float, re.search(refused, str(caught.value)).groups())
+    assert error > most == pytest.approx(6e6) and shorter <= 5e-8
+    march(model.case.changed("stepper.time_step", shorter))
+    slower = {**table, "wells": [{**well, "rate": 1.0}]}
+    march(line(slower, order=2, stepper={"kind": "leapfrog", "time_step": 1e-7}).case)
 
 
 ONE_OF_TWO = {"slid_permeability": {"slid_permeability": 1e-12}, "slip_length": {"slip_length": 1e-3}}

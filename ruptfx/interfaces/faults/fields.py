@@ -43,6 +43,10 @@ TOLERANCE = 1e-3
 """Tolerated difference between the planned pressure of a step and that of its heat, over the normal stress."""
 
 
+LARGEST = 0.1
+"""Largest estimated error of the pressure in a step of fixed length, over the normal stress."""
+
+
 @dataclass(frozen=True)
 class Heating:
     """Heat of friction per area, and change of the state, from the begin of a step to a time in it.
@@ -125,6 +129,10 @@ class Contribution:
 
     def uncertainty(self, heating: Heating) -> np.ndarray | float:
         """Return the estimated error of its pressure in a step [Pa], shape (n,)."""
+        return 0.0
+
+    def planned_error(self, heating: Heating) -> np.ndarray | float:
+        """Return the part of the error for which a step of fixed length may be too long [Pa], shape (n,)."""
         return 0.0
 
 
@@ -290,8 +298,13 @@ class FaultFields:
     def complete(
         self, fault: WithFields, state: State, old: FaultState, new: FaultState, dt: float,
         ends_at: float, radiation: np.ndarray | float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> Heating | None:  # fmt: skip
         """Set the memory to that at the end of a step between the tractions `old` and `new`, which ends at a time [s].
+
+        Returns
+        -------
+        Heating or None
+            Of the step; None without fields.
 
         Raises
         ------
@@ -299,7 +312,7 @@ class FaultFields:
             On this rank, if the pressure exceeds the normal stress.
         """
         if not self:
-            return
+            return None
         memory = state.fluids[fault.name]
         heating, power = self.heating(fault, memory, old, new, dt, radiation)
         if dt > 0:
@@ -313,6 +326,33 @@ class FaultFields:
                 new["frictional_heat"][:] = old["frictional_heat"] + heating.heat
         memory["power"][:, 0] = power
         self._require_pressed(fault, new, ends_at)
+        return heating
+
+    def require_short(self, fault: WithFields, state: State, heating: Heating | None) -> None:
+        """Refuse a step of a fixed length that is too long for the pressure.
+
+        Raises
+        ------
+        RuptfxError
+            On this rank.
+        """
+        fields, time = state.faults[fault.name], state.time
+        if heating is None or heating.elapsed == 0 or "pore_pressure" not in fields:
+            return
+        normal = fields["normal_stress"]
+        parts = (np.asarray(each.planned_error(heating)) for each in self.contributions)
+        error, most = sum(parts, np.zeros(self.points)), LARGEST * np.maximum(normal, 1.0)
+        wrong = np.flatnonzero((error > most) & (normal > 0))
+        if len(wrong):
+            point = int(wrong[np.argmax(error[wrong] / most[wrong])])
+            where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
+            shorter = heating.elapsed * min(0.5, float(most[point] / error[point]))
+            raise RuptfxError(
+                f"faults.{fault.name}.pore_pressure: a step of {heating.elapsed:.4g} s has an error of "
+                f"{error[point]:.4g} Pa at ({where}) m, time {time:.6g} s; at most {LARGEST:g} of the normal stress, "
+                f"{most[point]:.4g} Pa, is computed: use stepper.time_step = {shorter:.3g}, or a smaller rate of "
+                "wells"
+            )
 
     @staticmethod
     def _require_pressed(fault: WithFields, fields: FaultState, time: float) -> None:

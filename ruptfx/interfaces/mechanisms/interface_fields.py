@@ -70,6 +70,6 @@ class InterfaceFields(Mechanism):
     def account(self, state: State, kick: Kick) -> None:
         # The tractions are those at `State.time`, which the stepper advances after this phase.
         for fault in self._faults:
-            fault.fields.complete(
-                fault, state, self._before[fault.name], state.faults[fault.name], kick.clock.since, ends_at=state.time
-            )
+            before, fields = self._before[fault.name], state.faults[fault.name]
+            heating = fault.fields.complete(fault, state, before, fields, kick.clock.since, ends_at=state.time)
+            fault.fields.require_short(fault, state, heating)

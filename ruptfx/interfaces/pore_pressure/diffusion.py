@@ -296,9 +296,12 @@ class PressureAlong(Contribution):
         self.injected += self._step.injected
 
     def uncertainty(self, heating: Heating) -> np.ndarray | float:
+        return self.planned_error(heating) + np.abs(self._differs(heating))
+
+    def planned_error(self, heating: Heating) -> np.ndarray | float:
         if self._step is None:
             return 0.0
         error = np.abs(self._step.error)[self._face.number]
         if self.is_strained:  # of the permeability at the begin
             error = error + np.abs(self._step.end - self._step.begin)[self._face.number] * self._doubt
-        return np.asarray(error + np.abs(self._differs(heating)))
+        return np.asarray(error)
