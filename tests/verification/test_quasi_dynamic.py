@@ -14,10 +14,11 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx import RuptfxError
 from ruptfx.input.schema import CaseError
 from ruptfx.run.model import Model
 from ruptfx.run.simulation import simulate
-from ruptfx.stepping.implicit import ConvergenceError
+from ruptfx.stepping.implicit import ConvergenceError, condensed, loaded_bodies
 from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamicMotion
 
 pytestmark = pytest.mark.fem
@@ -202,3 +203,17 @@ def test_a_linear_solve_that_is_wrong_is_an_error(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(motion._bodies, "solve", lambda force: 0.999 * solve(force))
     with pytest.raises(ConvergenceError, match=facts(r"\d\S* N .* \d\S* N .*time \d\S* s")):
         motion.step(state)
+
+
+def test_memory_bounds_the_number_of_components(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More components than are condensed give the same slip; six matrices of 26 x 26 take 32 kB."""
+    _, _, usual = reach(plates(), 0.5)
+    monkeypatch.setattr(condensed, "MAX_UNKNOWNS", 10)
+    model, _, state = reach(plates(), 0.5)
+    ours, theirs = (each.faults["main"]["slip"] for each in (state, usual))
+    assert theirs.max() > 0 and condensed.count_jumps(model) == 26
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * theirs.max())
+    assert loaded_bodies.matrix_bytes(model) == 6 * 8 * 26**2 == 32448
+    monkeypatch.setattr(loaded_bodies, "available", lambda: 32000.0)
+    with pytest.raises(RuptfxError, match=facts(r"stepper.kind = 'quasi_dynamic': 26 .* 3.24e-05 GB, .* 3.2e-05 GB")):
+        plates().stepper.bind(Model(plates()))

@@ -26,9 +26,11 @@ from ruptfx.platform.memory import available
 from ruptfx.run import stages
 from ruptfx.run.cost import counts, measured, need_memory, rehearse
 from ruptfx.run.model import Model
+from ruptfx.stepping.implicit.condensed import count_jumps
+from ruptfx.stepping.implicit.loaded_bodies import matrix_bytes
 from ruptfx.stepping.implicit.strike_series import work_of
 from ruptfx.stepping.steppers import Motion, leapfrog
-from ruptfx.stepping.steppers.quasi_dynamic import SeriesMotion
+from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamic, SeriesMotion
 from ruptfx.stepping.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
@@ -93,8 +95,11 @@ def preflight(case: Case) -> Iterator[Row]:
 
 
 def _work_rows(model: Model) -> Iterator[Row]:
-    """Yield what the matrices of a section that repeats along strike will take, before they are computed."""
+    """Yield what the matrices of slip and traction will take, before they are computed."""
     if model.section is None:
+        if isinstance(model.case.stepper, QuasiDynamic):
+            yield Row("components of jumps", count_jumps(model), "", "each a solution of the bodies", early=True)
+            yield Row("memory of their matrices", matrix_bytes(model), "B", "at most, on every rank", early=True)
         return
     along = model.section.mesh_table.along_strike
     assert along is not None

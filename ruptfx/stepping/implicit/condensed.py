@@ -62,10 +62,19 @@ def fits(model: System) -> bool:
     Bodies must be linear and factorised by default, with few interface unknowns, and without mechanisms that act on
     them besides boundaries and faults.
     """
+    return count_jumps(model) <= MAX_UNKNOWNS and is_condensable(model)
+
+
+def is_condensable(model: System) -> bool:
+    """Return whether a matrix of the interfaces gives their tractions, however large it is; collective."""
     if responding(model.mechanisms):
         return False
-    jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
-    return 0 < jumps <= MAX_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
+    return count_jumps(model) > 0 and is_factorised(model) and is_linear(model.bulk)
+
+
+def count_jumps(model: System) -> int:
+    """Return the number of jump components of all interfaces."""
+    return sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
 
 
 def require_fit(model: System) -> None:

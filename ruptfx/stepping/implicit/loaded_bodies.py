@@ -13,16 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from ruptfx.platform import parallel
+from ruptfx import RuptfxError
+from ruptfx.platform import fem, parallel
+from ruptfx.platform.memory import available
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.compliance import Compliance, Jumps, norm
-from ruptfx.stepping.implicit.condensed import blockwise_product
+from ruptfx.stepping.implicit.condensed import blockwise_product, count_jumps
 from ruptfx.stepping.implicit.solvers import TOLERANCE
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.faults.fault import Fault
+    from ruptfx.interfaces.mechanisms.system import System
     from ruptfx.stepping.implicit.equilibrium import Equilibrium
 
+MATRICES = 6  # dense ones of all jump components, while that from slip to traction is computed
 IMMOBILE = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
 
 
@@ -35,6 +39,30 @@ def time_of_loads(time: float, duration: float, act: Callable[[float], bool]) ->
     while time < duration and not act(time):
         time *= 2
     return time
+
+
+def matrix_bytes(model: System) -> int:
+    """Return the largest memory of the dense matrices of a rank [bytes]."""
+    return MATRICES * 8 * count_jumps(model) ** 2
+
+
+def need_memory(model: System) -> None:
+    """Refuse dense matrices that do not fit into the memory, before one is computed; collective.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    free, need, error = available(), matrix_bytes(model), None
+    here = model.comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if model.comm.size > 1 else 1
+    if free is not None and need * here > free:
+        error = RuptfxError(
+            f"stepper.kind = 'quasi_dynamic': {count_jumps(model)} jump components take dense matrices of "
+            f"{need * here / 1e9:.3g} GB, {need / 1e9:.3g} GB for each of {here} ranks, and {free / 1e9:.3g} GB are "
+            "free; use fewer ranks, twice the mesh.element_size, which takes a quarter in 2D and a sixteenth in 3D, or "
+            "mesh.along_strike for a section that repeats along strike"
+        )
+    parallel.raise_on_all(model.comm, error)
 
 
 class LoadedBodies:

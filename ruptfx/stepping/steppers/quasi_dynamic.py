@@ -17,8 +17,8 @@ from ruptfx.laws.contact import Way
 from ruptfx.laws.friction import AT_REST
 from ruptfx.platform import parallel
 from ruptfx.stepping.implicit import ConvergenceError
-from ruptfx.stepping.implicit.condensed import MAX_UNKNOWNS, fits
-from ruptfx.stepping.implicit.loaded_bodies import LoadedBodies
+from ruptfx.stepping.implicit.condensed import is_condensable
+from ruptfx.stepping.implicit.loaded_bodies import LoadedBodies, need_memory
 from ruptfx.stepping.implicit.series_bodies import SeriesBodies, SurfaceResponses
 from ruptfx.stepping.implicit.solution import Solution
 from ruptfx.stepping.steppers import Stepper
@@ -112,12 +112,13 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
         self.dt = min(stepper.first_step or self._first_step(), self.greatest)
 
     def _make_bodies(self) -> LoadedBodies | SeriesBodies:
-        if not fits(self.model):
+        if not is_condensable(self.model):
             raise CaseError(
-                f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MAX_UNKNOWNS} "
-                "unknowns of all faults; use 'quasi_static', fewer nodes, or mesh.along_strike for a section that "
-                "repeats along strike"
+                "stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and these have "
+                f"{self.model.total_nodes * self.model.components} unknowns; use 'quasi_static', fewer nodes, or "
+                "mesh.along_strike for a section that repeats along strike"
             )
+        need_memory(self.model)
         return LoadedBodies(self.equilibrium, self._shear, self.greatest)
 
     def _first_step(self) -> float:
