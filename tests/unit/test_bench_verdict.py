@@ -6,8 +6,10 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.messages import says
+from PIL import Image
 
 import ruptfx.app.bench
 from ruptfx import RuptfxError
@@ -49,6 +51,23 @@ def test_all_ends_with_the_checks_that_failed(known: Path, capsys: pytest.Captur
         "broken_one: ran to its end: found nan, expected 1, tolerance 0 (ValueError: no such mesh)",
     ]
     assert {path.stem for path in (known / "out").glob("*.json")} == set(BENCHMARKS)  # those after it ran, too
+
+
+def test_figures_are_drawn_in_the_common_style(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thick line of the first colour, drawn without any style: #0072b2 in the middle of the panel."""
+    folder = tmp_path / f"of_{tmp_path.name}"
+    folder.mkdir()
+    (folder / "drawn.py").write_text(
+        '"""An example."""\nfrom ruptfx.app.bench import Check, Outcome\n'
+        "from ruptfx.results.figure_style import new_figure\n\n\n"
+        "def draw():\n    figure, ((ax,),) = new_figure(1, 1, 1, 2)\n"
+        "    ax.plot([0, 1], [0.5, 0.5], lw=200)\n    return figure\n\n\n"
+        'def run(fine, comm):\n    return Outcome([Check("slip", 1.0, 1.0)], draw)\n'
+    )
+    monkeypatch.setattr(ruptfx.app.bench, "benchmarks", lambda _: {"drawn": folder / "drawn.py"})
+    assert run_benchmark("drawn", out=tmp_path / "out")
+    pixels = np.asarray(Image.open(tmp_path / "out" / "drawn.png").convert("RGB"))
+    assert tuple(pixels[90, 220]) == (0x00, 0x72, 0xB2)
 
 
 @pytest.mark.slow  # and `make bench`, which runs all of them so

@@ -322,7 +322,9 @@ def _run(path: Path, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float
         seconds = time.perf_counter() - began
         outcome = result if isinstance(result, Outcome) else Outcome(list(result))
         if outcome.draw is not None and _is_first():
-            figure = outcome.draw()
+            from ruptfx.results.figure_style import styled  # needs matplotlib
+
+            figure = styled(outcome.draw)()
     except Exception as error:
         if alone:
             raise
