@@ -73,7 +73,8 @@ class Coupling:
             values[node, point - first[node]] = values_in_order
             return Coupling(first, values, n)
         count = np.bincount(node, minlength=self.nodes)
-        sorted_by_node = np.argsort(node, kind="stable")
+        small = np.uint16 if self.nodes <= 2**16 else np.int64  # NumPy sorts small integers by radix, ten times faster
+        sorted_by_node = np.argsort(node.astype(small), kind="stable")
         node, point = node[sorted_by_node], point[sorted_by_node]
         place = np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
         width = whole(int(np.max(count, initial=1)))

@@ -86,6 +86,7 @@ class SurfaceMortar:
         self.plus, self.minus = plus, minus
         self._gauss = legendre.leggauss(points_per_direction(plus.order, minus.order))
         self._metric, self._integral, self._lumped = plus.metric, integrals(plus), plus.shares
+        self._measures = plus.measures
         corners = corners_of(minus.numbers, minus.order)
         self._open = open_sides(minus.numbers, minus.order).astype(np.uint8)
         self._sorted = halved(minus.points[corners].mean(axis=1), np.arange(minus.facets))
@@ -140,9 +141,9 @@ class SurfaceMortar:
                 "pairing does not exist; use a smoother surface, or smaller elements"
             )  # fmt: skip
         columns, values = self._rows(work, len(plus), len(minus))
-        covered = weight > SLIVER * self.plus.measures
+        covered = weight > SLIVER * self._measures
         if not covered.all():
-            values[~covered], weight[~covered] = 0.0, self.plus.measures[~covered]
+            values[~covered], weight[~covered] = 0.0, self._measures[~covered]
             normal[~covered] = self.plus.sum_at_nodes(self.plus.directions(plus))[~covered]
         values /= weight[:, None]
         normal /= np.linalg.norm(normal, axis=1)[:, None]
