@@ -174,7 +174,9 @@ def with_prefix(value: float, unit: str, digits: int = 3) -> str:
         return f"{value:g} {unit}"
     rounded = float(f"{value:.{digits - 1}e}")
     power = min(max(math.floor(math.log10(abs(rounded)) / 3), -3), 3 if unit != "s" else 0)
-    return f"{rounded / 1000.0**power:.{digits}g} {'num kMG'[power + 3].strip()}{unit}"
+    scaled = rounded / 1000.0**power
+    digits = max(digits, 1 + math.floor(math.log10(abs(scaled)) + 1e-9)) if abs(scaled) < 1000 else digits
+    return f"{scaled:.{digits}g} {'num kMG'[power + 3].strip()}{unit}"
 
 
 def at_most(bound: float, digits: int = 6) -> str:

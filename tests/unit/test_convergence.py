@@ -121,6 +121,18 @@ def test_a_small_case(tmp_path: Path) -> None:
     assert [row.bar for row in again.rows] == [row.bar for row in made.rows]
 
 
+def test_verdicts_of_faults_in_3d_and_of_fracture_have_bars() -> None:
+    bars = {"moment_magnitude": 0.041, "rupture_speed": 120.0, "supershear_share": 0.06, "first_peak_stress": 2.5e5}
+    summary = {
+        "rupture_area": 1.0, "moment_magnitude": 6.512, "rupture_speed": 2710.0, "supershear_share": 0.3, "events": 0,
+        "first_peak_stress": 12.3e6, "error_bars": {name: {"bar": bar} for name, bar in bars.items()},
+    }  # fmt: skip
+    text = verdict(summary)
+    for each in ("6.51 ± 0.04", "2.71 km/s ± 120 m/s", "30 ± 6 %", "12.3 MPa ± 250 kPa"):
+        assert each in text
+    assert "±" not in verdict({**summary, "error_bars": {}})
+
+
 @pytest.mark.parametrize(("of", "levels", "message"), [
     (["mesh"], 1, "--levels 1"), (["space"], 3, "--of space"), (["step"], 3, "stepper.time_step"),
 ])  # fmt: skip

@@ -259,6 +259,29 @@ def test_slip_is_reconstructed_within_its_deviation(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.mean, first.slip_rate.values, atol=1e-12)
 
 
+def test_pictures_of_a_camera_are_data() -> None:
+    """Displacements at one time know the slip until then; those of the run that made the data are within noise."""
+    plain, slip_rate, slip = experiment()
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(9e-3, 24e-3, 1e-3), [6e-4, -6e-4]))
+    sigma, random = 2e-8, np.random.default_rng(8)
+    term = {"kind": "displacement_field", "time": TIMES[-1], "sigma": sigma, "x": x.tolist(), "y": y.tolist(),
+            "displacement_x": [0.0] * len(x), "displacement_y": [0.0] * len(x)}  # fmt: skip
+    case = plain.changed("reconstruction", {**PRIOR, "interval": 3e-7}).changed("objective", [term])
+    data = Experiment(case)
+    twin = Twin(case, interval=data.interval, begin=1e-6, end=data.end)
+    data.bind(twin.model)
+    moved = [float(each.values[0]) + sigma * random.normal() for each in twin.run(
+        twin.readings(data.requests), slip_rate[: twin.knots.count]).samples]  # fmt: skip
+    both = {name: [value for value, each in zip(moved, data.channels, strict=True) if each.name.startswith(name)]
+            for name in ("displacement_x", "displacement_y")}  # fmt: skip
+    assert [len(each) for each in both.values()] == 2 * [len(x)]
+    made = reconstruct(case.changed("objective", [{**term, **both}]), progress=False)
+    seen = (made.position > 11e-3) & (made.position < 22e-3)
+    off = (slip[: len(seen)] - made.curves.slip[0, -1])[seen] / made.slip_deviation[-1, seen]
+    assert made.known_range is None or np.ptp(made.known_range) > 0
+    assert np.sqrt(np.mean(off**2)) < 1.6 and np.median(made.slip_deviation[-1, seen]) < 0.25 * np.std(slip)
+
+
 def test_samples_may_be_positive() -> None:
     case, _, _ = experiment()
     made = reconstruct(case.changed("reconstruction.positive", True), progress=False)
@@ -344,6 +367,7 @@ def ruptured(element_size: float, **law: float) -> dict[str, Any]:
     })  # fmt: skip
 
 
+@pytest.mark.slow
 def test_law_of_a_rupture_is_within_its_intervals(tmp_path: Path) -> None:
     """Data from a finer mesh with noise of 2 %; the case of the reconstruction has other parameters of the law."""
     data = simulate(parse_case(ruptured(5e-4)), tmp_path / "data", progress=False)

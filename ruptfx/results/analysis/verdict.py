@@ -65,18 +65,22 @@ def _surface(summary: Table) -> Iterator[str]:
     if summary.get("moment_magnitude") is None:
         yield "never slipped"
         return
-    yield f"magnitude {summary['moment_magnitude']:.2f}"
+    magnitude, share_bar = _bars(summary).get("moment_magnitude"), _bars(summary).get("supershear_share")
+    yield f"magnitude {summary['moment_magnitude']:.2f}" + (
+        f" ± {max(magnitude['bar'], 0.01):.2f}" if magnitude else ""
+    )
     if speed := summary.get("rupture_speed"):
-        yield f"front at {with_prefix(speed, 'm/s')} (median)"
+        yield f"front at {_barred(summary, 'rupture_speed', speed, 'm/s')} (median)"
     if share := summary.get("supershear_share"):
-        yield f"supershear on {100 * share:.0f} %"
+        of_mesh = f" ± {max(100 * share_bar['bar'], 1):.0f}" if share_bar else ""
+        yield f"supershear on {100 * share:.0f}{of_mesh} %"
 
 
 def _fracture(summary: Table) -> Iterator[str]:
     if summary.get("events") is None:
         return
     if stress := summary.get("first_peak_stress"):
-        yield f"first peak at {with_prefix(stress, 'Pa')}"
+        yield f"first peak at {_barred(summary, 'first_peak_stress', stress, 'Pa')}"
     yield f"{summary['events']} facets failed" if summary["events"] else "no facet failed"
     if (pieces := summary.get("fragments") or 0) > 1:
         yield f"{pieces} pieces"
@@ -98,6 +102,12 @@ def rows(summary: Table, most: int = 8) -> list[tuple[str, str]]:
 def _bars(summary: Table) -> Table:
     bars: Table = summary.get("error_bars") or {}
     return bars
+
+
+def _barred(summary: Table, name: str, value: float, unit: str) -> str:
+    """Return a value with its unit, and its error bar where the run has one."""
+    entry = _bars(summary).get(name)
+    return with_prefix(value, unit) + (f" ± {with_prefix(entry['bar'], unit, 2)}" if entry else "")
 
 
 def _bar(name: str, entry: Table) -> str:
