@@ -226,12 +226,10 @@ DERIVED = (Field("displacement_jump", "m", "tangential displacement jump", tange
 OF_SLIDING = (
     Field("contact", "1", "state of contact", meanings=("open", "sticking", "sliding", "uncovered")),
     Field("paired_position", "m", "initial position along the opposite surface of the point paired with this one"),
-    Field("deformed_x", "m", "x of the point, displaced"),
-    Field("deformed_y", "m", "y of the point, displaced"),
-    Field("paired_x", "m", "x of the paired point of the opposite surface, displaced"),
-    Field("paired_y", "m", "y of the paired point of the opposite surface, displaced"),
+    *(Field(f"deformed_{axis}", "m", f"{axis} of the point, displaced") for axis in "xyz"),
+    *(Field(f"paired_{axis}", "m", f"{axis} of the paired point of the opposite surface, displaced") for axis in "xyz"),
 )
-"""Fields of the file in finite sliding; NaN at unpaired points."""
+"""Fields of the file in finite sliding, z in solids; NaN at unpaired points."""
 MONITORS = (
     Monitor("peak_slip_rate", "m/s", "largest slip rate of all steps while closed", update=_peak),
     Monitor(
@@ -307,6 +305,11 @@ def stress_entries(plane: str, components: int) -> dict[str, tuple[int, int]]:
 def component_names(name: str, tangents: int) -> list[str]:
     """Return `slip` in 2D; `slip_1`, `slip_2` in 3D."""
     return [name] if tangents == 1 else [f"{name}_{k + 1}" for k in range(tangents)]
+
+
+def fields_of_sliding(dim: int) -> tuple[Field, ...]:
+    """Return `OF_SLIDING` in a plane or in space."""
+    return tuple(field for field in OF_SLIDING if dim == 3 or not field.name.endswith("_z"))
 
 
 def reserved_names() -> frozenset[str]:

@@ -155,7 +155,9 @@ class Fault:
         }  # fmt: skip
         state = self.state_of(start) | {monitor.name: np.full(n, monitor.start) for monitor in MONITORS}
         if self.slides:
-            state["slip_followed"] = np.zeros(n)  # tangential jump at the last update of the pairing
+            state |= {
+                name: np.zeros(n) for name in component_names("slip_followed", self.tangents)
+            }  # of the last update
         if self.cohesion is not None:
             state |= {name: np.zeros(n) for name in cohesive_interface.STATE}
             state["damage"][~self.interface.touches(state["opening"])] = 1.0

@@ -310,7 +310,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = _rounded(places["plus"], extent)
     reference = bodies.reference_normals.get(name)
-    position, across, number, total, line, mean = _order(comm, points, owned, normal, reference, bodies.strike)
+    position, across, number, total, line, mean = order_points(comm, points, owned, normal, reference, bodies.strike)
     if ends:  # the interface extends beyond its last points by half of their tributary length
         first, last = (
             parallel.largest(comm, np.where(number == place, 0.5 * ends["plus"].weight, 0.0).max(initial=0.0))
@@ -505,7 +505,7 @@ def local_frame(normal: np.ndarray, mean: np.ndarray | None = None, strike: int 
     return np.stack([normal, first, np.cross(normal, first)], axis=1)
 
 
-def _order(
+def order_points(
     comm: fem.MPI.Comm,
     points: np.ndarray,
     owned: np.ndarray,

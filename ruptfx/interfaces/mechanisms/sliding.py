@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ruptfx.input.fields import OF_SLIDING, TAKEN_IN_SLIDING, Field
+from ruptfx.input.fields import TAKEN_IN_SLIDING, Field, fields_of_sliding
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.mechanisms import Floats
 from ruptfx.interfaces.mechanisms.faults import Faults
@@ -45,7 +45,7 @@ class SlidingFaults(Faults):
         state.energy |= {f"{fault.name}.{name}": 0.0 for fault in self.faults for name in TAKEN_IN_SLIDING}
 
     def recorded_fields(self) -> tuple[Field, ...]:
-        return (*super().recorded_fields(), *OF_SLIDING)
+        return (*super().recorded_fields(), *fields_of_sliding(self.model.components))
 
     def recorded(self, fault: Fault, state: State) -> FaultState:
         least, then = self.model.case.output.rupture_threshold, state.at_faults()[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.bodies.state import FaultState
-from ruptfx.input.fields import OF_SLIDING
+from ruptfx.input.fields import OF_SLIDING, fields_of_sliding
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.sliding.interface import SlidingInterface
 
@@ -16,7 +16,8 @@ def contact_states(fault: Fault, state: FaultState, threshold: float) -> np.ndar
     """Return the contact state of every point, as its index among the meanings of `contact`."""
     face = fault.interface
     assert isinstance(face, SlidingInterface)
-    closed, moves = state["normal_stress"] != 0, np.abs(state["mean_slip_rate"]) > threshold
+    speed = np.linalg.norm(fault.components(state, "mean_slip_rate"), axis=1)
+    closed, moves = state["normal_stress"] != 0, speed > threshold
     return np.select([~face.covered, ~closed, ~moves], [UNCOVERED, OPEN, STICKING], SLIDING)
 
 
@@ -28,4 +29,4 @@ def sliding_fields(
     assert isinstance(face, SlidingInterface)
     opposite, here, there = face.places(displacement)
     values = [contact_states(fault, state, threshold).astype(float), opposite, *here.T, *there.T]
-    return {field.name: value for field, value in zip(OF_SLIDING, values, strict=True)}
+    return {field.name: value for field, value in zip(fields_of_sliding(len(here.T)), values, strict=True)}

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.bodies.state import FaultState, State
+from ruptfx.input.fields import component_names
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.points import Clock, closed_and_stuck
 from ruptfx.interfaces.sliding.interface import SlidingInterface
-from ruptfx.interfaces.sliding.surface import Floats
+from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
 
 if TYPE_CHECKING:
     from ruptfx.bodies.space.discretisation import Discretisation
@@ -53,8 +54,8 @@ class Follower:
         followed, slip_then = self._recall(state)
         if not len(face.plus):
             return
-        slip = face.jump(state.displacement)[:, 1]
-        farthest = float(np.abs(slip - slip_then).max())
+        slip = face.jump(state.displacement)[:, 1:]
+        farthest = float(np.linalg.norm(slip - slip_then, axis=1).max())
         self._room = face.limit - farthest
         slid = farthest > face.limit
         dofs = face.dofs
@@ -87,14 +88,16 @@ class Follower:
             cohesive = self._cohesion.strength_at(fields["damage"], fields["largest_opening"], compliance)
             fields["normal_stress"][:] = cohesive.normal_stress(stress)
             fields["opening"][:] = (fields["normal_stress"] - stress) * compliance
-        fields["shear_traction"][:] = trial.shear_traction[0]
+        for name, shear in zip(component_names("shear_traction", fault.tangents), trial.shear_traction, strict=True):
+            fields[name][:] = shear
 
     def _recall(self, state: State) -> tuple[Floats, Floats]:
         """Restore the geometry of the last update, and return displacement and slip of that update."""
         field = FIELDS + self._fault.name
         if field not in state.fields:
             state.fields[field] = np.zeros_like(state.displacement)
-        followed, slip_then = state.fields[field], state.faults[self._fault.name]["slip_followed"]
+        followed = state.fields[field]
+        slip_then = self._fault.components(state.faults[self._fault.name], "slip_followed")
         if self._made is not state:
             self._follow(followed, slip_then)
             self._made, self._room = state, 0.0
@@ -102,15 +105,16 @@ class Follower:
 
     def _remember(self, state: State, displacement: Floats, slip: Floats) -> None:
         """Set the geometry from a displacement and the tangential jump there, and store both in the state."""
-        followed, slip_then = state.fields[FIELDS + self._fault.name], state.faults[self._fault.name]["slip_followed"]
-        dofs = self.face.dofs
-        followed[dofs], slip_then[:] = displacement[dofs], slip
-        self._follow(followed, slip_then)
+        followed, fields, dofs = state.fields[FIELDS + self._fault.name], state.faults[self._fault.name], self.face.dofs
+        followed[dofs] = displacement[dofs]
+        for name, along in zip(component_names("slip_followed", self._fault.tangents), slip.T, strict=True):
+            fields[name][:] = along
+        self._follow(followed, slip)
         self._made = state
         if self._cohesion is not None:  # a point that has lost its opposite surface has lost its cohesion, too
-            state.faults[self._fault.name]["damage"][~self.face.covered] = 1.0
+            fields["damage"][~self.face.covered] = 1.0
         if len(dofs):
-            self._doubt(followed[dofs].reshape(-1, 2), state.fault_time)
+            self._doubt(followed[dofs].reshape(-1, self.face.geometry.dim), state.fault_time)
 
     def _doubt(self, displacement: Floats, time: float) -> None:
         """Log surface strains or rotations that are too large for the theory of small strains, at each doubling."""
@@ -118,24 +122,32 @@ class Follower:
         for side, moved in ((plus, displacement[: len(plus.nodes)]), (minus, displacement[len(plus.nodes) :])):
             if not len(side.nodes):  # rigid
                 continue
-            ends = side.points[:: side.order]
-            change = np.linalg.norm(np.diff(moved[:: side.order], axis=0), axis=1)
-            change /= np.linalg.norm(np.diff(ends, axis=0), axis=1)
+            first, last = _lines(side)
+            change = np.linalg.norm(moved[last] - moved[first], axis=1)
+            change /= np.linalg.norm(side.points[last] - side.points[first], axis=1)
             worst = int(np.argmax(change))
             if change[worst] <= self._large:
                 continue
             self._large = 2 * change[worst]
-            x, y = ends[worst]
             LOG.warning(
-                "faults.%s: the surface at (%.4g, %.4g) m has strained or turned by %.2g at %.4g s: strains and "
+                "faults.%s: the surface at (%s) m has strained or turned by %.2g at %.4g s: strains and "
                 "rotations must stay below some per cent; reduce the loads, or make the bodies larger",
-                self._fault.name, x, y, change[worst], time,
+                self._fault.name, ", ".join(f"{x:.4g}" for x in side.points[first[worst]]), change[worst], time,
             )  # fmt: skip
 
     def _follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
-        dofs = self.face.dofs
-        begun = None if before is None else before[dofs].reshape(-1, 2)
-        self.face.geometry.follow(displacement[dofs].reshape(-1, 2), slip, begun)
+        dofs, nodal = self.face.dofs, (-1, self.face.geometry.dim)
+        begun = None if before is None else before[dofs].reshape(nodal)
+        self.face.geometry.follow(displacement[dofs].reshape(nodal), slip, begun)
+
+
+def _lines(side: Surface) -> tuple[Integers, Integers]:
+    """Return the nodes at both ends of the lines of nodes that cross the facets of a side."""
+    facets = side.numbers.reshape(side.facets, *[side.order + 1] * (side.points.shape[1] - 1))
+    ends = [
+        np.concatenate([facets.take(at, axis=axis).ravel() for axis in range(1, facets.ndim)]) for at in (0, side.order)
+    ]
+    return ends[0], ends[1]
 
 
 class StepFollower(Follower):
@@ -153,15 +165,15 @@ class StepFollower(Follower):
     def __init__(self, model: Discretisation, fault: Fault) -> None:
         super().__init__(fault)
         self.name, self._model = fault.name, model
-        none = np.zeros(0)
-        self._begun, self._slip_begun, self._pull_begun, self._stored_begun = none, none, none, 0.0  # at the beginning
-        self._estimate, self._taken, self._slip, self._pull = none, (none, none), none, none
+        none, slip = np.zeros(0), np.zeros((0, fault.tangents))
+        self._begun, self._slip_begun, self._pull_begun, self._stored_begun = none, slip, none, 0.0  # at the beginning
+        self._estimate, self._taken, self._slip, self._pull = none, (none, slip), slip, none
 
     def begin(self, state: State) -> None:
         """Set the geometry at the beginning of a step."""
         self._recall(state)
         fields = state.faults[self.name]
-        self._begun, self._slip_begun = state.displacement.copy(), self.face.jump(state.displacement)[:, 1]
+        self._begun, self._slip_begun = state.displacement.copy(), self.face.jump(state.displacement)[:, 1:]
         self._pull_begun, self._stored_begun = self._pull_of(fields), self._energy(fields, state.time)
 
     def at(self, displacement: Floats) -> None:
@@ -191,8 +203,8 @@ class StepFollower(Follower):
         """
         face, pressure = self.face, np.abs(fields["normal_stress"])
         before, normal = face.jump(displacement), face.frame[:, 0].copy()
-        self._slip, self._pull = before[:, 1], self._pull_of(fields)
-        self._taken = self._estimate, face.jump(self._estimate)[:, 1]
+        self._slip, self._pull = before[:, 1:], self._pull_of(fields)
+        self._taken = self._estimate, face.jump(self._estimate)[:, 1:]
         self.at(displacement)
         if not len(face.plus):
             return 0.0
@@ -205,7 +217,8 @@ class StepFollower(Follower):
 
     def slid(self) -> float:
         """Return the largest slip of the last solution of the step over its limit."""
-        return float(np.max(np.abs(self._slip - self._slip_begun) / self.face.step_limit, initial=0.0))
+        slip = np.linalg.norm(self._slip - self._slip_begun, axis=1)
+        return float(np.max(slip / self.face.step_limit, initial=0.0))
 
     def commit(self, state: State, moved: Floats, dissipated: float) -> None:
         """Store the geometry of the solution, and count energy taken by the interface beyond friction and cohesion.
@@ -227,9 +240,10 @@ class StepFollower(Follower):
     def _pull_of(self, fields: FaultState) -> Floats:
         """Return J' W T [N]."""
         force = np.zeros(self._model.nodes * self._model.components)
-        self.face.assemble(np.column_stack([-fields["normal_stress"], fields["shear_traction"]]), force)
+        shear = self._fault.components(fields, "shear_traction")
+        self.face.assemble(np.column_stack([-fields["normal_stress"], shear]), force)
         return force
 
     def _energy(self, fields: FaultState, time: float) -> float:
         """Return the elastic energy of the interface, points of this rank [J]."""
-        return self._fault.elastic_energy(fields, np.zeros((len(self.face.plus), 2)), 0.0, time)[0]
+        return self._fault.elastic_energy(fields, np.zeros_like(self.face.geometry.offset), 0.0, time)[0]

@@ -1,12 +1,16 @@
 """The jump of an interface with finite sliding, and its exact transpose.
 
 Points are the nodes of the plus side; the mortar pairing (`ruptfx.interfaces.sliding.mortar`) gives each a weighted
-mean of nodes of the minus side. The jump is affine in the displacement,
+mean of nodes of the minus side. Surfaces are lines in the plane and, in solids, sides of hexahedra. The jump is affine
+in the displacement,
 
     [u] = offset + frame (u+ - B u-),
 
 with an offset that makes the normal part the gap between the present surfaces, and that keeps the
 tangential part continuous when B and the frames change: sticking points remain stuck, and slip accumulates.
+
+Normals are those of the minus side. The tangents of a point in a solid are the projections of fixed directions, the
+tangents of the mean normal before anything moves: frames follow from the present displacement alone.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import ctypes
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +28,19 @@ from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import FACETS, Base
 from ruptfx.bodies.meshes.lobatto import nodes_between
 from ruptfx.bodies.space.nodes import Nodes
-from ruptfx.interfaces.faults.interface import Interface, Line, local_frame
+from ruptfx.interfaces.faults.interface import Interface, Line, local_frame, order_points
+from ruptfx.interfaces.faults.point_code import LANES
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.interfaces.sliding.coupling import COLUMNS, Coupling
 from ruptfx.interfaces.sliding.mortar import Mortar
-from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface
+from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface, surface_of_facets
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
 from ruptfx.platform.codegen.native import address
 
 JUMP = files("ruptfx.interfaces.sliding").joinpath("jump.c")
 TOUCHING = 1e-6  # largest initial opening of touching surfaces over the length of a facet
+STRIDE = 4  # of vectors in space, as in jump.c
 OVERLAP = 0.01  # largest initial overlap of the surfaces over the distance of nodes
 
 
@@ -42,26 +49,37 @@ class Table(ctypes.Structure):
 
     _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns", "width")] + [
         (name, ctypes.c_void_p) for name in (
-            "dofs", "first", "coupling", "paired", "transposed", "frame", "weight", "across", "back", "forces",
+            "dofs", "first", "coupling", "paired", "transposed", "frame", "weight", "across", "back", "forces", "nodes",
+            "points",
         )
     ]  # fmt: skip
 
 
 @cache
-def _library() -> ctypes.CDLL:
-    return native.load("jump", JUMP.read_text())
+def _library(dim: int) -> ctypes.CDLL:
+    return native.load("jump", JUMP.read_text(), {"COMPONENTS": dim})
 
 
 class Geometry:
     """Variable quantities of a sliding interface: B, frames and weights, overwritten in place.
 
+    Parameters
+    ----------
+    plus, minus : Surface
+    reference : ndarray, shape (dim,), optional
+        Vector across a surface whose tangents are the fixed directions [-]; default: the mean normal.
+
     Attributes
     ----------
+    dim : int
+        Components of a jump: the normal one and those along the tangents.
+    reference : ndarray, shape (dim,), or None
+        That of a surface, as above.
     coupling : Coupling
         B of the movable nodes, of which a rigid surface has none.
     opposite : Coupling
         B of all nodes of the opposite surface; the same unless that is rigid.
-    offset : ndarray, shape (n, 2)
+    offset : ndarray, shape (n, dim)
         [m]
     covered : ndarray of bool, shape (n,)
         Whether a point has a partner on the opposite surface.
@@ -78,29 +96,29 @@ class Geometry:
     opposite: Coupling
     covered: NDArray[np.bool_]
 
-    def __init__(self, plus: Surface, minus: Surface) -> None:
-        self.plus, self.minus = plus, minus
+    def __init__(self, plus: Surface, minus: Surface, reference: Floats | None = None) -> None:
+        self.plus, self.minus, self.reference = plus, minus, reference
         self._mortar = Mortar(plus, minus)
-        n = len(plus.nodes)
-        self.frame, self.weight, self.offset = np.zeros((n, 2, 2)), np.zeros(n), np.zeros((n, 2))
+        n, self.dim = plus.points.shape
+        self.frame, self.weight, self.offset = np.zeros((n, self.dim, self.dim)), np.zeros(n), np.zeros((n, self.dim))
         self.nearest = np.zeros(n, dtype=np.int64)
-        self._acting = np.zeros((n, 2, 2))  # frames, zero for points without a partner
-        self._dofs = 2 * np.concatenate([plus.nodes, minus.nodes])
+        self._acting = np.zeros_like(self.frame)  # frames, zero for points without a partner
+        self._dofs = self.dim * np.concatenate([plus.nodes, minus.nodes])
         self.coupling = self.opposite = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
         self.covered, self.all_covered = np.zeros(0, dtype=bool), True
         self.revision, self.table, self.slides = 0, Table(), np.inf
-        self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
+        self.follow(np.zeros((n + len(minus.nodes), self.dim)), np.zeros((n, self.dim - 1)))
 
     def follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
         """Update the pairing of all points.
 
         Parameters
         ----------
-        displacement : ndarray, shape (nodes of both surfaces, 2)
+        displacement : ndarray, shape (nodes of both surfaces, dim)
             Displacement of the plus, then of the minus side [m].
-        slip : ndarray, shape (n,)
+        slip : ndarray, shape (n, tangents)
             Tangential jump so far, which remains continuous [m].
-        before : ndarray, shape (nodes of both surfaces, 2), optional
+        before : ndarray, shape (nodes of both surfaces, dim), optional
             Displacement with that jump [m]; default: `displacement`.
 
         Raises
@@ -114,7 +132,10 @@ class Geometry:
             return
         there = self.minus.points if rigid else self.minus.points + displacement[n:]
         result = self._mortar.find(self.plus.points + displacement[:n], there)
-        self.frame[:] = local_frame(result.normal)
+        if self.dim == 3 and self.reference is None:  # of the first pairing, which all ranks with the interface compute
+            self.reference = result.weight @ result.normal
+            self.reference /= np.linalg.norm(self.reference)
+        self.frame[:] = local_frame(result.normal, self.reference)
         self._acting[:] = self.frame * result.covered[:, None, None]
         self.opposite, self.weight[:], self.covered = result.coupling, result.weight, result.covered
         self.all_covered = bool(self.covered.all())
@@ -125,28 +146,37 @@ class Geometry:
         before = displacement if before is None else before
         moved = before[:n] - self.coupling @ before[n:]
         self.offset[:, 0] = np.where(self.covered, np.sum(self.frame[:, 0] * apart, axis=1), self._far)
-        self.offset[:, 1] = slip - np.sum(self._acting[:, 1] * moved, axis=1)
+        self.offset[:, 1:] = slip - np.sum(self._acting[:, 1:] * moved[:, None], axis=2)
         self.nearest[:] = self.plus.nodes if rigid else self.minus.nodes[self.coupling.nearest()]
 
     def _tabulate(self) -> None:
-        n, m, columns = len(self.plus.nodes), len(self.minus.nodes), self.coupling.values.shape[1]
-        back = self.coupling.transposed()
-        width = back.values.shape[1]
-        self._arrays = (
-            self._dofs, self.coupling.first, self.coupling.values, back.first, back.values, self._acting, self.weight,
-            *np.zeros((2, 2, m + columns)), np.zeros((2, n + width)),
-        )  # fmt: skip
+        coupling, back = self.coupling, self.coupling.transposed()
+        n, m, columns, width = (
+            len(self.plus.nodes),
+            len(self.minus.nodes),
+            coupling.values.shape[1],
+            back.values.shape[1],
+        )
+        arrays: tuple[NDArray[Any], ...]
+        if self.dim == 2:
+            rows = coupling.first, coupling.values, back.first, back.values
+            arrays = *np.zeros((2, 2, m + columns)), np.zeros((2, n + width))
+        else:
+            (begin, values, nodes), (paired, transposed, points) = _entries(coupling), _entries(back)
+            rows = begin, values, paired, transposed
+            arrays = *np.zeros((2, m, STRIDE)), np.zeros((n + LANES, STRIDE)), nodes, points
+        self._arrays = (self._dofs, *rows, self._acting, self.weight, *arrays)
         self.table = Table(n, m, columns, width, *(array.ctypes.data for array in self._arrays))
 
     def rate(self, field: Floats) -> Floats:
-        """Return J field for all degrees of freedom of this rank, shape (n, 2)."""
-        local = np.zeros((len(self.plus.nodes), 2))
-        _library().jump(ctypes.byref(self.table), _pointer(field), _pointer(local))
+        """Return J field for all degrees of freedom of this rank, shape (n, dim)."""
+        local = np.zeros((len(self.plus.nodes), self.dim))
+        _library(self.dim).jump(ctypes.byref(self.table), _pointer(field), _pointer(local))
         return local
 
     def assemble(self, traction: Floats, out: Floats) -> None:
         """Add J' W traction to `out`."""
-        _library().assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
+        _library(self.dim).assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
 
     def opposite_values(self, values: Floats) -> Floats:
         """Return values of the minus side interpolated to the points; NaN for points without a partner."""
@@ -155,9 +185,23 @@ class Geometry:
         return result
 
     @property
+    def tangents(self) -> Floats:
+        """Tangents of the mean normal of a surface, shape (2, 3)."""
+        assert self.reference is not None
+        frame: Floats = local_frame(self.reference[None])[0, 1:]
+        return frame
+
+    @property
     def _far(self) -> float:
         """Gap assigned to points without a partner [m]."""
         return 10 * self.plus.spacing
+
+
+def _entries(coupling: Coupling) -> tuple[Integers, Floats, Integers]:
+    """Return the first entry of every row, and value and node of all entries that are not zero."""
+    chosen = coupling.values != 0
+    begin = np.concatenate([[0], np.cumsum(chosen.sum(axis=1))])
+    return begin, coupling.values[chosen], np.ascontiguousarray(coupling.columns[chosen], dtype=np.int64)
 
 
 def _pointer(array: Floats) -> ctypes.c_void_p:
@@ -203,7 +247,8 @@ class SlidingInterface(Interface):
     @cached_property
     def dofs(self) -> Integers:
         """Local degrees of freedom of both surfaces."""
-        return (2 * self.nodes[:, None] + np.arange(2)).ravel()
+        dim = self.geometry.dim
+        return (dim * self.nodes[:, None] + np.arange(dim)).ravel()
 
     @property
     def resting_jump(self) -> Floats:
@@ -214,13 +259,14 @@ class SlidingInterface(Interface):
         return self.geometry.covered
 
     def without_partner(self) -> tuple[Integers, Floats]:
-        """Return nodes without a partner on the opposite side, and the surface length of each [m]."""
+        """Return nodes without a partner on the opposite side, and the length or area of each [m or m^2]."""
         plus, minus, coupling = self.geometry.plus, self.geometry.minus, self.geometry.coupling
         if self.covered.all():
             return super().without_partner()
-        met = np.zeros(coupling.nodes + coupling.values.shape[1])
-        np.add.at(met, coupling.first[:, None] + np.arange(coupling.values.shape[1]), coupling.values)
-        alone = np.concatenate([~self.covered, met[: coupling.nodes] == 0])
+        met = np.zeros(coupling.nodes)
+        if coupling.nodes:
+            np.add.at(met, coupling.columns, coupling.values)
+        alone = np.concatenate([~self.covered, met == 0])
         return self.nodes[alone], np.concatenate([plus.measures, minus.measures[: coupling.nodes]])[alone]
 
     def jump(self, field: Floats) -> Floats:
@@ -231,15 +277,17 @@ class SlidingInterface(Interface):
 
         Returns
         -------
-        tuple of ndarray, shapes (n,), (n, 2) and (n, 2)
+        tuple of ndarray, shapes (n,), (n, dim) and (n, dim)
             Undeformed position of the partners along their surface; present coordinates of the points and of the
             partners.
         """
         n, minus = len(self.plus), self.geometry.minus.points
-        now = self.surface_points + displacement[self.dofs].reshape(-1, 2)
+        now = self.surface_points + displacement[self.dofs].reshape(-1, self.geometry.dim)
         along = minus[:, 0]
-        if self.line.measure != "x":
+        if self.line.measure == "arc length":
             along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(minus, axis=0), axis=1))])[: len(minus)]
+        elif self.line.measure == "first tangent":
+            along = (minus - self.line.origin) @ self.geometry.tangents[0]
         there = now[n:] if len(self.geometry.minus.nodes) else minus
         return self.geometry.opposite_values(along), now[:n], self.geometry.opposite_values(there)
 
@@ -250,17 +298,16 @@ class SlidingInterface(Interface):
         self.geometry.assemble(np.ascontiguousarray(traction, dtype=float), out)
 
     def stencil(self) -> tuple[Integers, Floats]:
-        coupling, m = self.geometry.coupling, len(self.geometry.minus.nodes)
+        coupling = self.geometry.coupling
         if self.one_sided:
             return self.plus[:, None], (self.frame * self.covered[:, None, None])[:, None]
-        opposite = np.minimum(coupling.first[:, None] + np.arange(coupling.values.shape[1]), max(m - 1, 0))
-        nodes = np.column_stack([self.plus, self.geometry.minus.nodes[opposite]])
+        nodes = np.column_stack([self.plus, self.geometry.minus.nodes[coupling.columns]])
         shares = np.column_stack([np.ones(len(self.plus)), -coupling.values]) * self.covered[:, None]
         return nodes, np.einsum("ij,ikc->ijkc", shares, self.frame)
 
     @cached_property
     def initial(self) -> SlidingInterface:
-        geometry = Geometry(self.geometry.plus, self.geometry.minus)
+        geometry = Geometry(self.geometry.plus, self.geometry.minus, self.geometry.reference)
         return replace(self, geometry=geometry, frame=geometry.frame, weight=geometry.weight, minus=geometry.nearest)
 
 
@@ -277,7 +324,8 @@ def build_sliding(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
     Raises
     ------
     RuptfxError
-        On all ranks: one body or none on the other side, surfaces that are no open chains or overlap, antiplane, 3D.
+        On all ranks: one body or none on the other side, surfaces that are no open chains or overlap, antiplane,
+        solids of tetrahedra.
     """
     comm = nodes.comm
     error: Exception | None = None
@@ -288,16 +336,23 @@ def build_sliding(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
         error = caught
     parallel.raise_on_all(comm, error)
     assert face is not None
-    return _in_order(comm, face)
+    return _in_order(comm, face) if face.geometry.dim == 2 else _on_surface(comm, face)
 
 
 def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
     """Return the interface on this rank, without the line and the number of points, which need all ranks."""
     space, bodies = nodes.space, nodes.bodies
-    if space.mesh.geometry.dim != 2 or space.dofmap.index_map_bs != 2:
+    dim = space.mesh.geometry.dim
+    if space.dofmap.index_map_bs != dim:
         raise RuptfxError(
-            f"faults.{name}.sliding: only motion in a plane slides far (plane = 'stress' or 'strain'); remove "
-            "this table"
+            f"faults.{name}.sliding: only motion in a plane (plane = 'stress' or 'strain') and of solids slides far; "
+            "remove this table"
+        )
+    if dim == 3 and space.mesh.basix_cell().name != "hexahedron":
+        raise RuptfxError(
+            f"faults.{name}.sliding: the bodies are of {space.mesh.basix_cell().name} elements, and solids slide on "
+            "sides of hexahedra only; mesh them with hexahedra (in Gmsh transfinite volumes with 'Recombine'), or "
+            "remove this table"
         )
     base = bodies.bases.get(name)
     if name in bodies.one_sided and base is None:
@@ -308,24 +363,27 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
         )
     coordinates = fem.from_owners(space, nodes.coordinates)
 
-    def chain(side: str, facets: Integers) -> Surface:
-        return _chain(space, coordinates, _cells_of(space, facets), left=side == "plus", name=f"{name}.{side}")
+    def surface(side: str, facets: Integers) -> Surface:
+        cells = _cells_of(space, facets)
+        if dim == 3:
+            return _patch(space, coordinates, cells, inward=side == "plus", name=f"{name}.{side}")
+        return _chain(space, coordinates, cells, left=side == "plus", name=f"{name}.{side}")
 
-    plus = chain("plus", bodies.surfaces[name][0])
-    minus = chain("minus", bodies.surfaces[name][1]) if base is None else _rigid(base, plus)
+    plus = surface("plus", bodies.surfaces[name][0])
+    minus = surface("minus", bodies.surfaces[name][1]) if base is None else _rigid(base, plus)
     if np.isin(np.concatenate([nodes.kept, nodes.copies]), np.concatenate([plus.nodes, minus.nodes])).any():
         raise RuptfxError(
             f"faults.{name}.sliding: the interface ends at periodic edges, and what slides has two ends; remove this "
             "table or that boundary"
         )
-    geometry = Geometry(plus, minus)
+    geometry = Geometry(plus, minus, bodies.reference_normals.get(name))
     spacing = plus.spacing if len(plus.nodes) else 0.0
     gap = geometry.offset[:, 0]
     if len(gap) and gap.min() < -OVERLAP * spacing:
         worst = int(np.argmin(gap))
-        x, y = plus.points[worst]
+        place = ", ".join(f"{value:.6g}" for value in plus.points[worst])
         raise RuptfxError(
-            f"interface '{name}': the bodies overlap by {-gap[worst]:.4g} m at ({x:.6g}, {y:.6g}) m before anything "
+            f"interface '{name}': the bodies overlap by {-gap[worst]:.4g} m at ({place}) m before anything "
             f"moves, at most {OVERLAP * spacing:.2g} m (a hundredth of the distance of nodes) are taken; move one of "
             "them away"
         )
@@ -333,7 +391,7 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
     return SlidingInterface(
         points=plus.points, position=np.zeros(n), number=np.arange(n), plus=plus.nodes, minus=geometry.nearest,
         frame=geometry.frame, weight=geometry.weight, owned=plus.nodes < nodes.owned, total=n,
-        line=Line("x", np.zeros(2), 0.0, 0.0), geometry=geometry,
+        line=Line("x", np.zeros(dim), 0.0, 0.0), geometry=geometry,
         other_side=bodies.one_sided.get(name, "meshed"), limit=table.update_slip * spacing,
         step_limit=table.limit * spacing, near=plus.order * spacing,
     )  # fmt: skip
@@ -356,7 +414,7 @@ def _cells_of(space: fem.dolfinx.fem.FunctionSpace, facets: Integers) -> Integer
     corners = fem.geometry_dofmap(mesh)[:, : 1 + max(map(max, local))]
     inputs = mesh.geometry.input_global_indices[corners]
     wanted = {frozenset(facet) for facet in facets.tolist()}
-    near = np.flatnonzero(np.isin(inputs, facets).sum(axis=1) > 1)
+    near = np.flatnonzero(np.isin(inputs, facets).sum(axis=1) >= facets.shape[1])
     items = [
         (cell, number)
         for cell, vertices in zip(near.tolist(), inputs[near].tolist(), strict=True)
@@ -404,6 +462,41 @@ def _chain(
         )
     nodes = np.concatenate([row[:-1] for row in chain] + [chain[-1][-1:]]).astype(np.int64)
     return Surface(nodes, coordinates[nodes], order)
+
+
+def _patch(
+    space: fem.dolfinx.fem.FunctionSpace, coordinates: Floats, facets: Integers, inward: bool, name: str
+) -> Surface:
+    """Return sides of hexahedra as a surface, with normals into the body if `inward`, else out of it.
+
+    Raises
+    ------
+    RuptfxError
+        Facets that are no surface with a rim.
+    """
+    element, dofs = space.element.basix_element, space.dofmap.list
+    order, places = element.degree, element.points
+    tensor = {}
+    for number in np.unique(facets[:, 1]).tolist():
+        closure = np.asarray(space.dofmap.dof_layout.entity_closure_dofs(2, number))
+        across, along = np.flatnonzero(np.ptp(places[closure], axis=0) > 0.5)
+        tensor[number] = closure[np.lexsort((places[closure, along], places[closure, across]))]
+    nodes = [dofs[cell][tensor[number]] for cell, number in facets.tolist()]
+    inside = coordinates[dofs[facets[:, 0]]].mean(axis=1)
+    return surface_of_facets(
+        np.array(nodes, dtype=np.int64).reshape(-1, (order + 1) ** 2), coordinates, inside, order=order, inward=inward,
+        name=name,
+    )  # fmt: skip
+
+
+def _on_surface(comm: fem.MPI.Comm, face: SlidingInterface) -> SlidingInterface:
+    """Return the interface of solids with positions along the first tangent of the mean normal and across it."""
+    references = [each for each in comm.allgather(face.geometry.reference) if each is not None]
+    position, across, number, total, line, _ = order_points(
+        comm, face.points, face.owned, face.frame[:, 0], references[0]
+    )
+    face.geometry.reference = references[0]
+    return replace(face, position=position, across=across, number=number, total=total, line=line)
 
 
 def _in_order(comm: fem.MPI.Comm, face: SlidingInterface) -> SlidingInterface:

@@ -1,22 +1,37 @@
-// The jump of a sliding interface, frame (u+ - B u-), and its transpose. Every row of B and of B' is a run of
-// neighbouring nodes, padded with zeros; nodes are those of the plus side, then those of the minus side.
+// The jump of a sliding interface, frame (u+ - B u-), and its transpose; nodes are those of the plus side, then those of the
+// minus side. Where surfaces are lines (COMPONENTS is 2), every row of B and of B' is a run of neighbouring nodes, padded with
+// zeros, and vectors are stored component after component. In space rows are lists of nodes, and vectors are stored node by node.
 #include <string.h>
 
 enum { RUN = 8 };
 
+#if COMPONENTS == 2
+#define ADD(x, y, z) ((x) + (y))
+#else
+#define ADD(x, y, z) ((x) + (y) + (z))
+#endif
+#define SQUARE (COMPONENTS * COMPONENTS)
+#define EACH_COMPONENT for (int c = 0; c < COMPONENTS; c++)
+
 struct pairing {
     long n, m;                // points, nodes of the other side
-    long columns, width;      // lengths of the rows of B and B': multiples of RUN
+    long columns, width;      // of lines: lengths of the rows of B and B', multiples of RUN
     const long *dofs;         // first degree of freedom of every node
-    const long *first;        // first node that every point is paired with
+    const long *first;        // of lines: first node that every point is paired with; in space: first entry of every row of B
     const double *coupling;   // B, n rows
-    const long *paired;       // first point that every node of the other side is paired with
+    const long *paired;       // of lines: first point that every node of the other side is paired with; in space: rows of B'
     const double *transposed; // B', m rows
-    const double *frame;      // n times 2 x 2, zero for points without a partner
+    const double *frame;      // n times COMPONENTS x COMPONENTS, zero for points without a partner
     const double *weight;     // n
-    double *across, *back;    // x, y of the other side, m + columns each, and of the forces on it
-    double *forces;             // x, y of the forces at the points, n + width each
+    double *across, *back;    // vectors at the nodes of the other side, and the forces on them
+    double *forces;           // forces at the points
+    const long *nodes, *points;  // in space: the node of every entry of B, the point of every entry of B'
 };
+
+#if COMPONENTS == 2
+#define ACROSS(c, j) f->across[(c) * (f->m + f->columns) + (j)]
+#define BACK(c, j) f->back[(c) * (f->m + f->columns) + (j)]
+#define FORCES(c, i) f->forces[(c) * (f->n + f->width) + (i)]
 
 typedef double run __attribute__((vector_size(RUN * sizeof(double)), aligned(8), may_alias));
 typedef double half __attribute__((vector_size(RUN / 2 * sizeof(double)), may_alias));
@@ -43,7 +58,7 @@ static inline __attribute__((always_inline)) void product(const double *each, lo
     result[0] = total(of_x), result[1] = total(of_y);
 }
 
-// B times x and y at the nodes of the other side, of point i.
+// B times the vectors at the nodes of the other side, of point i.
 static inline __attribute__((always_inline)) void opposite_mean(const struct pairing *f, long i, double mean[2])
 {
     const double *x = f->across + f->first[i];
@@ -56,23 +71,59 @@ static inline __attribute__((always_inline)) void react(const struct pairing *f,
     const double *x = f->forces + f->paired[j];
     double sum[2];
     product(f->transposed + j * f->width, f->width, x, x + f->n + f->width, sum);
-    for (int c = 0; c < 2; c++) f->back[c * (f->m + f->columns) + j] = sum[c];
+    EACH_COMPONENT BACK(c, j) = sum[c];
+}
+#else
+enum { STRIDE = 4 };  // a vector and a filler, so that processors read it at once
+#define ACROSS(c, j) f->across[STRIDE * (j) + (c)]
+#define BACK(c, j) f->back[STRIDE * (j) + (c)]
+#define FORCES(c, i) f->forces[STRIDE * (i) + (c)]
+
+typedef double vector __attribute__((vector_size(STRIDE * sizeof(double)), aligned(8), may_alias));
+
+// Entries `begin` to `end` of a row times the vectors at their nodes.
+static inline __attribute__((always_inline)) void product(const double *values, const long *nodes, long begin, long end,
+                                                          const double *vectors, double *result)
+{
+    vector even = {0}, odd = {0};
+    long j = begin;
+    for (; j + 1 < end; j += 2) {
+        even += values[j] * *(const vector *)(vectors + STRIDE * nodes[j]);
+        odd += values[j + 1] * *(const vector *)(vectors + STRIDE * nodes[j + 1]);
+    }
+    if (j < end) even += values[j] * *(const vector *)(vectors + STRIDE * nodes[j]);
+    even += odd;
+    EACH_COMPONENT result[c] = even[c];
 }
 
-// local = J field, n x 2.
+// B times the vectors at the nodes of the other side, of point i.
+static inline __attribute__((always_inline)) void opposite_mean(const struct pairing *f, long i, double *mean)
+{
+    product(f->coupling, f->nodes, f->first[i], f->first[i + 1], f->across, mean);
+}
+
+// back = B' times the forces of the points, of node j of the other side.
+static inline __attribute__((always_inline)) void react(const struct pairing *f, long j)
+{
+    product(f->transposed, f->points, f->paired[j], f->paired[j + 1], f->forces, &BACK(0, j));
+}
+#endif
+
+// local = J field, n x COMPONENTS.
 void jump(const struct pairing *f, const double *field, double *local)
 {
     const long *dofs = f->dofs + f->n;
     // Nodes are far apart in memory: all are prefetched before the first is needed.
     for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(field + f->dofs[i]);
     for (long j = 0; j < f->m; j++)
-        for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[dofs[j] + c];
+        EACH_COMPONENT ACROSS(c, j) = field[dofs[j] + c];
     for (long i = 0; i < f->n; i++) {
-        const double *frame = f->frame + 4 * i, *own = field + f->dofs[i];
-        double mean[2];
+        const double *frame = f->frame + SQUARE * i, *own = field + f->dofs[i];
+        double mean[COMPONENTS];
         opposite_mean(f, i, mean);
-        for (int k = 0; k < 2; k++)
-            local[2 * i + k] = frame[2 * k] * (own[0] - mean[0]) + frame[2 * k + 1] * (own[1] - mean[1]);
+        for (int k = 0; k < COMPONENTS; k++, frame += COMPONENTS)
+            local[COMPONENTS * i + k] =
+                ADD(frame[0] * (own[0] - mean[0]), frame[1] * (own[1] - mean[1]), frame[2] * (own[2] - mean[2]));
     }
 }
 
@@ -81,15 +132,16 @@ void assemble(const struct pairing *f, const double *local, double *field)
 {
     const long *dofs = f->dofs + f->n;
     for (long i = 0; i < f->n; i++) {
-        const double *frame = f->frame + 4 * i, *value = local + 2 * i;
-        for (int c = 0; c < 2; c++) {
-            const double force = f->weight[i] * (frame[c] * value[0] + frame[2 + c] * value[1]);
-            f->forces[c * (f->n + f->width) + i] = force;
+        const double *frame = f->frame + SQUARE * i, *value = local + COMPONENTS * i;
+        EACH_COMPONENT {
+            const double force = f->weight[i] * ADD(
+                frame[c] * value[0], frame[COMPONENTS + c] * value[1], frame[2 * COMPONENTS + c] * value[2]);
+            FORCES(c, i) = force;
             field[f->dofs[i] + c] += force;
         }
     }
     for (long j = 0; j < f->m; j++) {
         react(f, j);
-        for (int c = 0; c < 2; c++) field[dofs[j] + c] -= f->back[c * (f->m + f->columns) + j];
+        EACH_COMPONENT field[dofs[j] + c] -= BACK(c, j);
     }
 }

@@ -3,7 +3,7 @@
 // tractions converge. The first sweep and the last one, which also writes the fields, are over all points; others
 // are over blocks of points that share a paired node with one whose tractions have changed.
 
-// Arrays: component after component (normal and tangential, or x and y), points filled up to whole blocks with zeros.
+// Arrays: component after component (normal and tangents, or x, y and z), points filled up to whole blocks with zeros.
 struct sweeps {
     long most;              // largest number of sweeps; 0: the points are not coupled
     double tolerance;
@@ -11,16 +11,17 @@ struct sweeps {
     const double *initial;  // force of the bodies' own initial stress there
     const long *places;       // places of those nodes among the velocities before the step
     double *begun;          // velocities before contact there, but for what `initial` does
-    const double *frame;    // of points: 2 x 2, zero without a partner, and weights
+    const double *frame;    // of points: COMPONENTS x COMPONENTS, zero without a partner, and weights
     const double *offset;   // of the jump
-    const double *load;     // shear traction of the nucleation
+    const double *load;     // shear traction of the nucleation, of every tangent
     double *jump, *before;  // of the displacement, and, where anything acts, of the velocities before the step
     double *traction;       // normal stress and shear traction
     double *rate;           // of the jump
     long parts;             // of RUN nodes of the other side
-    const long *reach;      // of every block of points: range of parts paired with it
+    const long *reach;      // of every block of points: of lines the range of parts paired with it, in space its first in `listed`
     unsigned char *changed; // parts where forces have changed in this sweep
     long *upto;             // how many parts before each, and in all, changed in the last one
+    const long *listed;     // in space: the parts paired with every block
 };
 
 enum { CHANGED = 1, UNSETTLED = 2 };  // flags of changed forces: at all, and beyond the tolerance
@@ -32,21 +33,20 @@ INLINE long filled(const struct pairing *f) { return (f->n + LANES - 1) / LANES 
          first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
 // Quantities of a block less the mean of its partners, in its frame.
-INLINE void relative_motion(const struct pairing *f, const struct sweeps *s, long first, int count, const lanes own[2],
+INLINE void relative_motion(const struct pairing *f, const struct sweeps *s, long first, int count, const lanes *own,
                             double *local)
 {
     const long points = filled(f);
-    const double *frame = s->frame + first;
-    lanes mean[2] = {{0}};
-    for (int l = 0; l < count; l++) {
-        double of_point[2];
-        opposite_mean(f, first + l, of_point);
-        mean[0][l] = of_point[0], mean[1][l] = of_point[1];
+    lanes difference[COMPONENTS];
+    for (int l = 0; l < LANES; l++) {
+        double mean[COMPONENTS] = {0};
+        if (l < count) opposite_mean(f, first + l, mean);
+        EACH_COMPONENT difference[c][l] = own[c][l] - mean[c];
     }
-    EACH_LANE {
-        const double x = own[0][l] - mean[0][l], y = own[1][l] - mean[1][l];
-        local[first + l] = frame[l] * x + frame[points + l] * y;
-        local[points + first + l] = frame[2 * points + l] * x + frame[3 * points + l] * y;
+    for (int k = 0; k < COMPONENTS; k++) {
+        const double *frame = s->frame + k * COMPONENTS * points + first;
+        EACH_LANE local[k * points + first + l] = ADD(
+            frame[l] * difference[0][l], frame[points + l] * difference[1][l], frame[2 * points + l] * difference[2][l]);
     }
 }
 
@@ -54,16 +54,16 @@ INLINE void relative_motion(const struct pairing *f, const struct sweeps *s, lon
 INLINE void gather_opposite(const struct pairing *f, const double *field, const long *places)
 {
     for (long j = 0; j < f->m; j++)
-        for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[places[f->n + j] + c];
+        EACH_COMPONENT ACROSS(c, j) = field[places[f->n + j] + c];
 }
 
 // J of that field, of a block.
 INLINE void jump_of(const struct pairing *f, const struct sweeps *s, const double *field, const long *places, long first,
                     int count, double *local)
 {
-    lanes own[2] = {{0}};
+    lanes own[COMPONENTS] = {{0}};
     for (int l = 0; l < count; l++)
-        for (int c = 0; c < 2; c++) own[c][l] = field[places[first + l] + c];
+        EACH_COMPONENT own[c][l] = field[places[first + l] + c];
     relative_motion(f, s, first, count, own, local);
 }
 
@@ -71,11 +71,10 @@ INLINE void jump_of(const struct pairing *f, const struct sweeps *s, const doubl
 INLINE void rates_of(const struct pairing *f, const struct sweeps *s, long first, int count)
 {
     const long nodes = filled(f) + f->m;
-    lanes own[2];
-    for (int c = 0; c < 2; c++) {
+    lanes own[COMPONENTS];
+    EACH_COMPONENT {
         const double *begun = s->begun + c * nodes + first, *push = s->push + c * nodes + first;
-        const double *acting = f->forces + c * (f->n + f->width) + first;
-        EACH_LANE own[c][l] = begun[l] - push[l] * acting[l];
+        EACH_LANE own[c][l] = begun[l] - push[l] * FORCES(c, first + l);
     }
     relative_motion(f, s, first, count, own, s->rate);
 }
@@ -84,15 +83,21 @@ INLINE void rates_of(const struct pairing *f, const struct sweeps *s, long first
 INLINE int update_forces(const struct pairing *f, const struct sweeps *s, long first)
 {
     const long points = filled(f);
-    const double *traction = s->traction + first, *load = s->load + first, *frame = s->frame + first;
-    double *acting_x = f->forces + first, *acting_y = acting_x + f->n + f->width, any = 0;
-    _Pragma("omp simd reduction(+:any)")
-    for (int l = 0; l < LANES; l++) {
-        const double normal = -traction[l], shear = traction[points + l] - load[l];
-        const double x = frame[4 * points + l] * (frame[l] * normal + frame[2 * points + l] * shear);
-        const double y = frame[4 * points + l] * (frame[points + l] * normal + frame[3 * points + l] * shear);
-        any += fabs(acting_x[l] - x) + fabs(acting_y[l] - y);
-        acting_x[l] = x, acting_y[l] = y;
+    const double *traction = s->traction + first, *load = s->load + first, *weight = s->frame + SQUARE * points + first;
+    lanes local[COMPONENTS];
+    double any = 0;
+    EACH_LANE local[0][l] = -traction[l];
+    EACH_TANGENT EACH_LANE local[1 + k][l] = traction[(1 + k) * points + l] - load[k * points + l];
+    EACH_COMPONENT {
+        const double *frame = s->frame + c * points + first;
+        _Pragma("omp simd reduction(+:any)")
+        for (int l = 0; l < LANES; l++) {
+            const double force = weight[l] * ADD(
+                frame[l] * local[0][l], frame[COMPONENTS * points + l] * local[1][l],
+                frame[2 * COMPONENTS * points + l] * local[2][l]);
+            any += fabs(FORCES(c, first + l) - force);
+            FORCES(c, first + l) = force;
+        }
     }
     return any != 0;
 }
@@ -105,10 +110,9 @@ INLINE void meet(const struct pairing *f, const struct sweeps *s)
         if (!s->changed[part]) continue;
         const long first = part * RUN, end = first + RUN < f->m ? first + RUN : f->m;
         for (long j = first; j < end; j++) react(f, j);
-        for (int c = 0; c < 2; c++) {
-            const long of_x = c * (f->m + f->columns);
+        EACH_COMPONENT {
             const double *begun = s->begun + c * nodes + points, *push = s->push + c * nodes + points;
-            for (long j = first; j < end; j++) f->across[of_x + j] = begun[j] + push[j] * f->back[of_x + j];
+            for (long j = first; j < end; j++) ACROSS(c, j) = begun[j] + push[j] * BACK(c, j);
         }
     }
 }
@@ -120,24 +124,36 @@ INLINE void turn(const struct sweeps *s, unsigned char least)
     memset(s->changed, 0, s->parts);
 }
 
+#if COMPONENTS == 2
+#define EACH_PART(first) \
+    for (long at = s->reach[2 * ((first) / LANES)], part = at; at < s->reach[2 * ((first) / LANES) + 1]; part = ++at)
+#else
+#define EACH_PART(first) \
+    for (long at = s->reach[(first) / LANES], part; at < s->reach[(first) / LANES + 1] && (part = s->listed[at], 1); at++)
+#endif
+
 // Return whether a block is paired with a part of the other side whose forces have changed.
 INLINE int reached(const struct sweeps *s, long first)
 {
+#if COMPONENTS == 2
     const long *reach = s->reach + 2 * (first / LANES);
     return s->upto[reach[1]] > s->upto[reach[0]];
+#else
+    EACH_PART(first) if (s->upto[part + 1] > s->upto[part]) return 1;
+    return 0;
+#endif
 }
 
 INLINE void mark_changed(const struct sweeps *s, long first, unsigned char how)
 {
-    const long *reach = s->reach + 2 * (first / LANES);
-    for (long i = reach[0]; i < reach[1]; i++) s->changed[i] = how > s->changed[i] ? how : s->changed[i];
+    EACH_PART(first) s->changed[part] = how > s->changed[part] ? how : s->changed[part];
 }
 
 // Return whether tractions of a block differ from the `given` ones beyond the tolerance; scale grows to the largest traction.
-INLINE int unconverged(const struct pairing *f, const struct sweeps *s, long first, const lanes given[2], double *scale)
+INLINE int unconverged(const struct pairing *f, const struct sweeps *s, long first, const lanes *given, double *scale)
 {
     double most = 0, largest = *scale;
-    for (int k = 0; k < 2; k++) {
+    for (int k = 0; k < COMPONENTS; k++) {
         const double *now = s->traction + k * filled(f) + first;
         _Pragma("omp simd reduction(max:most, largest)")
         for (int l = 0; l < LANES; l++) {
@@ -151,7 +167,7 @@ INLINE int unconverged(const struct pairing *f, const struct sweeps *s, long fir
 
 // Initial values of the step of a block; in sweeps, rates and `given` tractions of the last one.
 INLINE void begin(const struct pairing *f, const struct sweeps *s, double *fixed, double *const *field, long first,
-                  int count, struct points *points, lanes given[2])
+                  int count, struct points *points, lanes *given)
 {
     const long other = filled(f);
     lanes *const own = (lanes *)(fixed + first * FIXED_COUNT);
@@ -159,18 +175,18 @@ INLINE void begin(const struct pairing *f, const struct sweeps *s, double *fixed
     load(first, count, field, points);
     if (s->most) {
         rates_of(f, s, first, count);
-        for (int k = 0; k < 2; k++) memcpy(given[k], s->traction + k * other + first, sizeof(lanes));
+        for (int k = 0; k < COMPONENTS; k++) memcpy(given[k], s->traction + k * other + first, sizeof(lanes));
         memcpy(own[FIXED_normal_stress_0], given[0], sizeof(lanes));
-        memcpy(own[FIXED_shear_traction_0], given[1], sizeof(lanes));
+        EACH_TANGENT memcpy(own[FIXED_shear_traction_0 + k], given[1 + k], sizeof(lanes));
     }
-    for (int k = 0; k < 2; k++) {
+    for (int k = 0; k < COMPONENTS; k++) {
         memcpy(points->jump[k], s->jump + k * other + first, sizeof(lanes));
         memcpy(points->velocity[k], s->rate + k * other + first, sizeof(lanes));
     }
 }
 
 // Return whether a block has no pressure, and had none in the last sweep: it needs no friction law then.
-INLINE int open(const struct times *times, const double *number, struct points *points, const lanes given[2])
+INLINE int open(const struct times *times, const double *number, struct points *points, const lanes *given)
 {
     UNPACK_TIMES
     double any = 0;
@@ -179,7 +195,8 @@ INLINE int open(const struct times *times, const double *number, struct points *
         TRIAL
     }
     _Pragma("omp simd reduction(+:any)")
-    for (int l = 0; l < LANES; l++) any += !(points->trial_normal[l] < 0) + (given[0][l] != 0) + (given[1][l] != 0);
+    for (int l = 0; l < LANES; l++)
+        any += !(points->trial_normal[l] < 0) + ADD(given[0][l] != 0, given[1][l] != 0, given[2][l] != 0);
 #if BONDED
     EACH_LANE any += OLD(damage) < 1;
 #endif
@@ -191,7 +208,7 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
                   double *fixed, double *const *field, double *result, int every, double *scale)
 {
     struct points whole, *const points = &whole;
-    lanes given[2];
+    lanes given[COMPONENTS];
     long many = 0;
     turn(s, UNSETTLED);
     EACH_BLOCK {
@@ -200,10 +217,9 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
         if (open(times, number, points, given)) continue;
         point(times, number, points);
         if (failed(first, (int)count, points, result)) return -1;
-        double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
-        EACH_LANE {
-            normal[l] = l < count ? points->sigma[l] : 0, shear[l] = l < count ? NEW(shear_traction) : 0;
-        }
+        double *normal = s->traction + first, *shear = normal + filled(f);
+        EACH_LANE normal[l] = l < count ? points->sigma[l] : 0;
+        EACH_TANGENT EACH_LANE shear[k * filled(f) + l] = l < count ? NEW(shear_traction + k) : 0;
         if (!update_forces(f, s, first)) continue;
         const int more = unconverged(f, s, first, given, scale);
         mark_changed(s, first, more ? UNSETTLED : CHANGED);
@@ -213,33 +229,40 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
     return many;
 }
 
+// Tractions of some points from the fields.
+INLINE void remember(const struct pairing *f, const struct sweeps *s, double *const *field, long first, long count)
+{
+    memcpy(s->traction + first, field[STATE_normal_stress] + first, count * sizeof(double));
+    EACH_TANGENT
+        memcpy(s->traction + (1 + k) * filled(f) + first, field[STATE_shear_traction + k] + first, count * sizeof(double));
+}
+
 // Velocities before contact at the nodes of both sides, and the tractions of the step before, from which sweeps begin.
 INLINE double start(const struct pairing *f, const struct sweeps *s, double *const *field, const double *displacement,
                     const double *velocity)
 {
     const long points = filled(f), nodes = points + f->m;
-    const lanes none[2] = {{0}};
+    const lanes none[COMPONENTS] = {{0}};
     double scale = 0;
     // Nodes are far apart in memory: all are prefetched before the first is needed.
     for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(displacement + f->dofs[i]);
     for (long i = 0; i < f->n + f->m; i++) {
         const long node = i < f->n ? i : points + i - f->n;
-        for (int c = 0; c < 2; c++) {
+        EACH_COMPONENT {
             const long at = c * nodes + node;
             s->begun[at] = velocity[f->dofs[i] + c] + s->push[at] * s->initial[at];
         }
     }
     gather_opposite(f, displacement, f->dofs);
     EACH_BLOCK jump_of(f, s, displacement, f->dofs, first, (int)count, s->jump);
-    for (long i = 0; i < 2 * points; i++) s->jump[i] += s->offset[i];
-    memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double));
-    memset(f->forces, 0, 2 * (f->n + f->width) * sizeof(double));
+    for (long i = 0; i < COMPONENTS * points; i++) s->jump[i] += s->offset[i];
     memset(s->changed, 0, s->parts);
-    for (int c = 0; c < 2; c++)
-        memcpy(f->across + c * (f->m + f->columns), s->begun + c * nodes + points, f->m * sizeof(double));
+    EACH_COMPONENT {
+        for (long i = 0; i < points; i++) FORCES(c, i) = 0;
+        for (long j = 0; j < f->m; j++) BACK(c, j) = 0, ACROSS(c, j) = s->begun[c * nodes + points + j];
+    }
     if (!s->most) return 0;
-    memcpy(s->traction, field[STATE_normal_stress], f->n * sizeof(double));
-    memcpy(s->traction + points, field[STATE_shear_traction], f->n * sizeof(double));
+    remember(f, s, field, 0, f->n);
     EACH_BLOCK {
         unconverged(f, s, first, none, &scale);
         if (update_forces(f, s, first)) mark_changed(s, first, CHANGED);
@@ -253,9 +276,9 @@ INLINE void leave(const struct pairing *f, const struct sweeps *s, double *veloc
 {
     const long points = filled(f), nodes = points + f->m;
     for (long i = 0; i < f->n + f->m; i++)
-        for (int c = 0; c < 2; c++) {
+        EACH_COMPONENT {
             const long j = i - f->n, at = c * nodes + (i < f->n ? i : points + j);
-            const double contact = i < f->n ? -f->forces[c * (f->n + f->width) + i] : f->back[c * (f->m + f->columns) + j];
+            const double contact = i < f->n ? -FORCES(c, i) : BACK(c, j);
             const double pull = s->initial[at] + contact;
             if (pull == 0) continue;
             velocity[f->dofs[i] + c] = s->begun[at] + s->push[at] * contact;
@@ -266,10 +289,12 @@ INLINE void leave(const struct pairing *f, const struct sweeps *s, double *veloc
 // Return whether tractions act between a block and its partners.
 INLINE int acts(const struct pairing *f, const struct sweeps *s, long first)
 {
-    const double *normal = s->traction + first, *shear = normal + filled(f), *load = s->load + first;
+    const long points = filled(f);
+    const double *normal = s->traction + first, *shear = normal + points, *load = s->load + first;
     double any = 0;
-    _Pragma("omp simd reduction(+:any)")
-    for (int l = 0; l < LANES; l++) any += (normal[l] != 0) + (shear[l] != 0) + (load[l] != 0);
+    EACH_TANGENT
+        _Pragma("omp simd reduction(+:any)")
+        for (int l = 0; l < LANES; l++) any += (normal[l] != 0) + (shear[k * points + l] != 0) + (load[k * points + l] != 0);
     return any != 0;
 }
 
@@ -285,8 +310,14 @@ INLINE void work_of(const struct pairing *f, const struct sweeps *s, double kick
         _Pragma("omp simd reduction(+:shear, normal) reduction(max:fastest)")
         for (int l = 0; l < LANES; l++) {
             normal += area[l] * traction[l] * (before[l] + now[l]);
-            shear += area[l] * traction[points + l] * (before[points + l] + now[points + l]);
-            fastest = fmax(fastest, fabs(now[points + l]));
+            double power = 0, square = 0;
+            EACH_TANGENT {
+                const long at = (1 + k) * points + l;
+                power += area[l] * traction[at] * (before[at] + now[at]);
+                square += now[at] * now[at];
+            }
+            shear += power;
+            fastest = fmax(fastest, sqrt(square));
         }
     }
     result[0] = 0.5 * kick * shear, result[6] = -0.5 * kick * normal, result[7] = fastest;
@@ -298,9 +329,8 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
            double *fixed, double *const *field, const double *displacement, const double *before, double *velocity,
            double *force, double *result)
 {
-    const long points_of = filled(f);
     struct points points;
-    lanes dissipated = {0}, given[2] = {{0}};
+    lanes dissipated = {0}, given[COMPONENTS] = {{0}};
     double scale = start(f, s, field, displacement, velocity);
     result[0] = 0, result[1] = -1;
     long done = 0, many = 1;
@@ -317,8 +347,7 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
         if (failed(first, (int)count, &points, result)) return 0;
         write_back((int)count, times, number, &points, dissipated);
         store(first, (int)count, field, &points);
-        memcpy(s->traction + first, field[STATE_normal_stress] + first, count * sizeof(double));
-        memcpy(s->traction + points_of + first, field[STATE_shear_traction] + first, count * sizeof(double));
+        remember(f, s, field, first, count);
         if (!update_forces(f, s, first)) continue;
         many += s->most && unconverged(f, s, first, given, &scale);
         mark_changed(s, first, CHANGED);

@@ -14,9 +14,10 @@ from __future__ import annotations
 import ctypes
 import logging
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ruptfx.bodies.state import FaultState
 from ruptfx.input.fields import Array
@@ -34,6 +35,7 @@ from ruptfx.platform.codegen.native import address
 LOG = logging.getLogger("ruptfx.run")
 SLACK = 1 + 1e-6  # factor of a bound, for rounding
 RUN = 8  # nodes of the other side per block, as in jump.c
+DAMPED = 0.55  # part of the sum of a row of J M^-1 J' as mobility; sweeps converge with a half
 REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps without convergence at which the log reports it
 
 
@@ -45,7 +47,7 @@ class _Sweeps(ctypes.Structure):
             (name, ctypes.c_void_p) for name in (
                 "push", "initial", "places", "begun", "frame", "offset", "load", "jump", "before", "traction", "rate",
             )
-        ), ("parts", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("reach", "changed", "upto")),
+        ), ("parts", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("reach", "changed", "upto", "listed")),
     ]  # fmt: skip
 
 
@@ -66,7 +68,7 @@ class _Points(FaultStep):
         self._result, self.loss, self.fastest = np.zeros(8), 0.0, 0.0
 
     def put_shear(self, traction: Floats) -> None:
-        """Set the initial shear traction of points without sweeps [Pa]."""
+        """Set the initial shear traction of points without sweeps [Pa], shape (n, tangents)."""
         self._code.put("shear_traction_0", traction)
 
     def slide(
@@ -117,13 +119,13 @@ class SlidingStep:
         assert isinstance(face, SlidingInterface)
         self.fault, self.clock, self._face = fault, clock, face
         self.work, self.prescribed_work, self.unconverged = 0.0, 0.0, 0
-        n, m = len(face.plus), len(face.geometry.minus.nodes)
-        self._inverse_mass = inverse_mass[face.dofs].reshape(-1, 2)
-        self._mobility, self._area, self._revision = np.ones(2 * n), np.zeros(n), -1
+        n, m, dim = len(face.plus), len(face.geometry.minus.nodes), face.geometry.dim
+        self._inverse_mass = inverse_mass[face.dofs].reshape(-1, dim)
+        self._mobility, self._area, self._revision = np.ones(dim * n), np.zeros(n), -1
         each = np.arange(n)
         points = Interface(
-            face.points, face.position, face.number, each, each, np.tile(np.eye(2), (n, 1, 1)), face.weight, face.owned,
-            face.total, face.line, other_side="rigid",
+            face.points, face.position, face.number, each, each, np.tile(np.eye(dim), (n, 1, 1)), face.weight,
+            face.owned, face.total, face.line, other_side="rigid",
         )  # fmt: skip
         # Nucleation is left out of the points and added here, to the tractions that they start from.
         bare = replace(fault, interface=points, nucleation=())
@@ -134,29 +136,34 @@ class SlidingStep:
         self._filled = filled = -(-n // LANES) * LANES
         tolerance, sweeps = fault.contact.sweeps_to() or (0.0, 0)
         self._rigid = sweeps > 0
-        self._frame, self._offset, self._load = np.zeros((5, filled)), np.zeros((2, filled)), np.zeros(filled)
-        self._before, self._rate = np.zeros((2, filled)), np.zeros((2, filled))
-        arrays = (
+        self._frame, self._load = np.zeros((dim * dim + 1, filled)), np.zeros((dim - 1, filled))
+        self._offset, self._before, self._rate, jump, traction = np.zeros((5, dim, filled))
+        self._arrays = (
             self._nodal(clock.kick * inverse_mass[face.dofs]), self._nodal(initial[face.dofs]),
-            np.ascontiguousarray(before[1][::2], dtype=np.int64), np.zeros((2, filled + m)), self._frame, self._offset,
-            self._load, np.zeros((2, filled)), self._before, np.zeros((2, filled)), self._rate,
+            np.ascontiguousarray(before[1][::dim], dtype=np.int64), np.zeros((dim, filled + m)), self._frame,
+            self._offset, self._load, jump, self._before, traction, self._rate,
         )  # fmt: skip
         parts = -(-m // RUN)
         self._reach, changed = np.zeros((filled // LANES, 2), dtype=np.int64), np.zeros(parts, dtype=np.uint8)
-        marks = self._reach, changed, np.zeros(parts + 1, dtype=np.int64)
-        self._arrays = (*arrays, *marks)
+        self._marks: list[NDArray[Any]] = [
+            self._reach,
+            changed,
+            np.zeros(parts + 1, dtype=np.int64),
+            np.zeros(0, dtype=np.int64),
+        ]
         self._sweeps = _Sweeps(
-            sweeps, tolerance, *(array.ctypes.data for array in arrays), parts, *(array.ctypes.data for array in marks)
-        )
+            sweeps, tolerance, *(array.ctypes.data for array in self._arrays), parts,
+            *(array.ctypes.data for array in self._marks),
+        )  # fmt: skip
         self._stress_before = np.zeros(n)
         self._opened = self._fractured = 0.0  # work of tension, and what cohesion took, in the last step [J]
 
     def _nodal(self, values: Floats) -> Floats:
         """Return values at all degrees of freedom of the two sides in the order of step.c."""
         n = len(self._face.plus)
-        x, y = values.reshape(-1, 2).T
         space = np.zeros(self._filled - n)
-        return np.stack([np.concatenate([each[:n], space, each[n:]]) for each in (x, y)])
+        components = values.reshape(-1, self._face.geometry.dim).T
+        return np.stack([np.concatenate([each[:n], space, each[n:]]) for each in components])
 
     def opening_rate(self, state: FaultState, velocity: Floats, is_first: bool) -> None:
         """Return nothing: the step reads the previous velocities itself."""
@@ -194,11 +201,14 @@ class SlidingStep:
             self._opened, self._fractured = tension + kept, self._sum(losses.shear) + tension
             return 0.0  # it is not in what the points have counted as friction
         assert fault.cohesion is not None
-        opening, slip = 0.5 * self.clock.kick * (self._before + self._rate)[:, :n]
-        strength, traction = fault.cohesion.remaining_cohesion(state["damage"]), state["shear_traction"]
-        size = np.abs(traction)
+        opening, *slip = 0.5 * self.clock.kick * (self._before + self._rate)[:, :n]
+        strength, traction = (
+            fault.cohesion.remaining_cohesion(state["damage"]),
+            fault.components(state, "shear_traction"),
+        )
+        size = np.linalg.norm(traction, axis=1)
         share = np.where(size > strength, strength / np.where(size > 0, size, 1.0), 1.0)
-        shear = self._sum(share * traction * slip)
+        shear = self._sum(share * np.sum(traction.T * slip, axis=0))
         self._opened = self._sum(np.maximum(-state["normal_stress"], 0.0) * opening)
         self._fractured = shear + self._opened - kept
         return shear
@@ -218,7 +228,7 @@ class SlidingStep:
             self._refresh()
         n = len(face.plus)
         if fault.is_loaded:
-            self._load[:n] = fault.load(time)[:, 0]
+            self._load[:, :n] = fault.load(time).T
         if not self._rigid:
             self._stress_before[:] = state["normal_stress"]
             if fault.is_loaded:
@@ -233,7 +243,7 @@ class SlidingStep:
         if cohesive:
             dissipated -= self._split(old, state)
         if fault.is_loaded:
-            self.work = self._taken(fault.load(time - self.clock.since)[:, 0], self._load[:n], state)
+            self.work = self._taken(fault.load(time - self.clock.since), self._load[:, :n].T, state)
         return dissipated
 
     def _refresh(self) -> None:
@@ -241,16 +251,24 @@ class SlidingStep:
 
         Where the mass couples both components of a point, the entry beside the diagonal is added: sweeps over all
         components at once then converge, also where both sides are held along one direction and the block is singular.
+        On surfaces so many points share a node that sweeps may diverge with the diagonal, where the opposite side is
+        the lighter one. There `DAMPED` of the sum of every row is the least: sweeps with half of it or more converge.
         """
         face, n = self._face, len(self._face.plus)
         own, other = self._inverse_mass[:n], self._inverse_mass[n:]
-        both = own + face.geometry.coupling.squared() @ other
+        coupling = face.geometry.coupling
+        both = own + coupling.squared() @ other
+        if face.geometry.dim == 3:
+            across = np.zeros(coupling.nodes)
+            np.add.at(across, coupling.columns, np.abs(coupling.values) * face.weight[:, None])
+            row = replace(coupling, values=np.abs(coupling.values)) @ (across[:, None] * other)
+            both = np.maximum(both, DAMPED * (own + row / face.weight[:, None]))
         mobility = np.einsum("ikc,ic->ik", face.frame**2, both)
         mobility += beside_diagonal(np.einsum("ikc,ic,ilc->ikl", face.frame, both, face.frame))
         # Points without a partner carry nothing, whatever their impedance.
         mobility[~face.covered] = np.where(own > 0, own, 1.0)[~face.covered]
         self._mobility[:] = mobility.ravel()
-        acting = face.frame.reshape(n, 4) * face.covered[:, None]
+        acting = face.frame.reshape(n, -1) * face.covered[:, None]
         self._frame[:, :n] = np.column_stack([acting, face.weight]).T
         self._offset[:, :n] = face.geometry.offset.T
         self._points.refresh()
@@ -259,9 +277,16 @@ class SlidingStep:
         self._revision = face.geometry.revision
 
     def _find_reach(self) -> None:
-        """Find the range of blocks of the other side that every block of points is paired with."""
+        """Find the blocks of the other side that every block of points is paired with, of lines as a range."""
         coupling, n = self._face.geometry.coupling, len(self._face.plus)
         paired = coupling.values != 0
+        if self._face.geometry.dim == 3:
+            pairs = np.stack([np.nonzero(paired)[0] // LANES, coupling.columns[paired] // RUN], axis=1)
+            block, listed = np.unique(pairs, axis=0).T
+            begin = np.searchsorted(block, np.arange(self._filled // LANES + 1))
+            self._marks[0], self._marks[3] = begin.astype(np.int64), np.ascontiguousarray(listed, dtype=np.int64)
+            self._sweeps.reach, self._sweeps.listed = self._marks[0].ctypes.data, self._marks[3].ctypes.data
+            return
         none, columns = ~paired.any(axis=1), paired.shape[1]
         low, high = np.full(self._filled, coupling.nodes), np.zeros(self._filled, dtype=np.int64)
         low[:n] = np.where(none, coupling.nodes, coupling.first + np.argmax(paired, axis=1))
@@ -283,11 +308,12 @@ class SlidingStep:
         """Return the work of a shear traction over the step, points of this rank [J]."""
         if self._rigid:
             n = len(traction)
-            before, rate, length = self._before[1, :n], self._rate[1, :n], self.clock.kick
+            before, rate, length = self._before[1:, :n].T, self._rate[1:, :n].T, self.clock.kick
         else:
-            before = rate = state["mean_slip_rate"]
+            before = rate = self.fault.components(state, "mean_slip_rate")
             length = self.clock.since
-        return self._sum(np.asarray(self.fault.contact.dissipated(traction_old, traction, before, rate))) * length
+        power = np.asarray(self.fault.contact.dissipated(traction_old, traction, before, rate))
+        return self._sum(power.sum(axis=1)) * length
 
     def _sum(self, power: Floats) -> float:
         return float(self._area @ power)

@@ -44,7 +44,7 @@ class ForceRecords(Records):
         remark = forces.remark(self._means is not None, self.model.case.plane)
         kept = opening.kept(self.schedule)
         for fault, name in zip(self._faults, self.names(), strict=True):
-            self._tables[fault.name] = TableFile(opening.out / name, forces.COLUMNS, remark, kept)
+            self._tables[fault.name] = TableFile(opening.out / name, forces.columns(fault.tangents), remark, kept)
 
     def observe(self, state: State) -> None:
         if self._means is not None:
