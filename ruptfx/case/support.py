@@ -377,7 +377,8 @@ def _planes(choices: Choices) -> Iterator[Refusal]:
     sliding = tuple(f"faults.{name}.sliding" for name, cls in _faults(choices, "sliding").items()
                     if plane not in cast(type[Sliding], cls).planes)  # fmt: skip
     if sliding:
-        yield Refusal(sliding, f"only motion in a plane slides far ({_in_words_of(IN_PLANE)})", drop=(sliding,))
+        known = _in_words_of(Sliding.planes)
+        yield Refusal(sliding, f"sliding far is for {known} only", drop=(sliding,))
 
 
 def _in_words_of(planes: Sequence[str]) -> str:

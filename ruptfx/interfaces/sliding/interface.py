@@ -33,7 +33,7 @@ from ruptfx.interfaces.faults.point_code import LANES
 from ruptfx.interfaces.sliding import Sliding
 from ruptfx.interfaces.sliding.coupling import COLUMNS, Coupling
 from ruptfx.interfaces.sliding.mortar import Mortar
-from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface, surface_of_facets
+from ruptfx.interfaces.sliding.surface import Floats, Integers, Surface, lattice_numbers, surface_of_facets
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen import native
 from ruptfx.platform.codegen.native import address
@@ -399,12 +399,22 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
 
 def _rigid(base: Base, plus: Surface) -> Surface:
     """Return the surface of a rigid base in facets about as long as those of the other side."""
-    nodes = np.zeros(0, dtype=np.int64)
+    nodes, dim = np.zeros(0, dtype=np.int64), plus.points.shape[1]
     if not plus.facets:
-        return Surface(nodes, np.zeros((0, 2)), plus.order)
-    (left, right), facet = base.ends, np.median(np.linalg.norm(np.diff(plus.points[:: plus.order], axis=0), axis=1))
-    ends = np.linspace(left, right, max(1, round((right - left) / facet)) + 1)
-    return Surface(nodes, base.points(nodes_between(ends, plus.order)), plus.order)
+        return Surface(nodes, np.zeros((0, dim)), plus.order, None if dim == 2 else plus.numbers)
+    corners = plus.points[plus.numbers[:, [0, -1]]]
+    facet = np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)) / np.sqrt(dim - 1)  # diagonal of a square
+
+    def along(ends: tuple[float, float]) -> Floats:
+        first, last = ends
+        return nodes_between(np.linspace(first, last, max(1, round((last - first) / facet)) + 1), plus.order)
+
+    if base.sides is None:
+        return Surface(nodes, base.points(along(base.ends)), plus.order)
+    x, y = along(base.ends), along(base.sides)
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    numbers = lattice_numbers(((len(x) - 1) // plus.order, (len(y) - 1) // plus.order), plus.order)
+    return Surface(nodes, base.points(places), plus.order, numbers)
 
 
 def _cells_of(space: fem.dolfinx.fem.FunctionSpace, facets: Integers) -> Integers:

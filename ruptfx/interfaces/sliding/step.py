@@ -35,7 +35,6 @@ from ruptfx.platform.codegen.native import address
 LOG = logging.getLogger("ruptfx.run")
 SLACK = 1 + 1e-6  # factor of a bound, for rounding
 RUN = 8  # nodes of the other side per block, as in jump.c
-DAMPED = 0.55  # part of the sum of a row of J M^-1 J' as mobility; sweeps converge with a half
 REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps without convergence at which the log reports it
 
 
@@ -251,8 +250,9 @@ class SlidingStep:
 
         Where the mass couples both components of a point, the entry beside the diagonal is added: sweeps over all
         components at once then converge, also where both sides are held along one direction and the block is singular.
-        On surfaces so many points share a node that sweeps may diverge with the diagonal, where the opposite side is
-        the lighter one. There `DAMPED` of the sum of every row is the least: sweeps with half of it or more converge.
+        On surfaces so many points share a node that sweeps with the diagonal may diverge, where the opposite side is the
+        lighter one. The eigenvalues of J M^-1 J' are between the part of the own side and the sums of its rows, of which
+        the middle is the least mobility: sweeps then converge, at least as fast as (sum - own) / (sum + own).
         """
         face, n = self._face, len(self._face.plus)
         own, other = self._inverse_mass[:n], self._inverse_mass[n:]
@@ -262,7 +262,7 @@ class SlidingStep:
             across = np.zeros(coupling.nodes)
             np.add.at(across, coupling.columns, np.abs(coupling.values) * face.weight[:, None])
             row = replace(coupling, values=np.abs(coupling.values)) @ (across[:, None] * other)
-            both = np.maximum(both, DAMPED * (own + row / face.weight[:, None]))
+            both = np.maximum(both, own + 0.5 * row / face.weight[:, None])
         mobility = np.einsum("ikc,ic->ik", face.frame**2, both)
         mobility += beside_diagonal(np.einsum("ikc,ic,ilc->ikl", face.frame, both, face.frame))
         # Points without a partner carry nothing, whatever their impedance.
