@@ -37,3 +37,29 @@ def rough(changes: dict[str, Any] | None = None) -> dict[str, Any]:
         ],
         "output": {"figures": False},
     }, changes or {})  # fmt: skip
+
+
+def solids(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Two flat solids of different elements, the lower one held, the upper one pressed and dragged obliquely."""
+    return merged({
+        "plane": "solid", "order": 2, "duration": 2e-6,
+        "mesh": {
+            "kind": "rough_plates", "curve_order": 1,
+            "upper": {"length": 1.5e-3, "width": 1e-3, "height": 0.5e-3, "element_size": 0.5e-3},
+            "lower": {"length": 2.7e-3, "left": -0.3e-3, "width": 2.7e-3, "front": -0.3e-3, "height": 0.4e-3,
+                      "element_size": 0.39e-3},
+        },
+        "materials": {"upper": STIFF, "lower": SOFT},
+        "faults": {"main": {
+            "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": 0.3},
+            "initial_stress": {"normal": 0.0}, "sliding": {},
+        }},
+        "boundaries": [
+            {"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xyz"
+        ] + [
+            {"kind": "traction", "edge": "upper.top", "traction": [0.0, 0.0, -20e6], "ramp": 1e-6},
+            {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 8.0},
+            {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": 6.0},
+        ],
+        "output": {"figures": False},
+    }, changes or {})  # fmt: skip
