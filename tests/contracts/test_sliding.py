@@ -413,7 +413,7 @@ def test_split_nodes_that_slide_are_forward_lagrange() -> None:
          r"faults.main.sliding: not for stepper.kind = 'petsc_ts'; use stepper.kind = .*'generalized_alpha'"),
         ({"faults.main.sliding": None}, r"'main' have meshes of their own; add the table \[faults.main.sliding\]"),
         ({"faults.main.gap": 1e-6}, r"faults.main.gap = 1e-06: surfaces that slide have the distance"),
-        ({"plane": "antiplane", "boundaries": []}, r"faults.main.sliding: only motion in a plane slides far"),
+        ({"plane": "antiplane", "boundaries": []}, r"faults.main.sliding: sliding far is for plane stress"),
         ({"boundaries": [{"kind": "periodic", "first": "upper.left", "second": "upper.right"}]},
          r"faults.main.sliding: the interface ends at periodic edges"),
         ({"mesh.upper.left": 3e-3}, r"mesh.upper.left = 0.003: the plates are beside each other"),

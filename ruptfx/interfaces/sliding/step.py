@@ -250,9 +250,9 @@ class SlidingStep:
 
         Where the mass couples both components of a point, the entry beside the diagonal is added: sweeps over all
         components at once then converge, also where both sides are held along one direction and the block is singular.
-        On surfaces so many points share a node that sweeps with the diagonal may diverge, where the opposite side is the
-        lighter one. The eigenvalues of J M^-1 J' are between the part of the own side and the sums of its rows, of which
-        the middle is the least mobility: sweeps then converge, at least as fast as (sum - own) / (sum + own).
+        On surfaces so many points share a node that sweeps with the diagonal may diverge, where the opposite side is
+        the lighter one. The eigenvalues of J M^-1 J' are between the part of the own side and the sums of its rows, and
+        the mean of both is the least mobility: sweeps then converge.
         """
         face, n = self._face, len(self._face.plus)
         own, other = self._inverse_mass[:n], self._inverse_mass[n:]
