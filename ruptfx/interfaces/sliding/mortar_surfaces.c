@@ -13,6 +13,7 @@ enum {
 };
 #define WHOLE 1e-6  // part of a cell by which its covered area may differ from all of it
 #define SETTLED 1e-8  // last step of Newton's method, in reference coordinates: the error is its square
+#define NOISE 1e-14  // entry of B that is zero but for round-off: rows are short where lines of both meshes coincide
 #define FLAT 1e-12  // part of an area: smaller corners are removed from polygons
 enum { COVERED_TWICE = -1, FOLDED = -2 };
 
@@ -594,7 +595,7 @@ long rows(const struct work *work, long n, const long *begin, const long *around
                 for (int b = 0; b < OTHER; b++) {
                     const double value = work->blocks[block].values[a][b];
                     const long j = nodes[b];
-                    if (value == 0) continue;
+                    if (fabs(value) <= NOISE * work->weight[i]) continue;
                     if (mark[j] != i) mark[j] = i, place[j] = count++;
                     if (width) columns[i * width + place[j]] = j, values[i * width + place[j]] += value;
                 }
