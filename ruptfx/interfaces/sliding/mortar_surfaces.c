@@ -9,7 +9,7 @@ enum {
     OWN = (PLUS + 1) * (PLUS + 1), OTHER = (MINUS + 1) * (MINUS + 1), CELLS = PLUS * PLUS, PIECES = MINUS * MINUS,
     HIGHEST = PLUS > MINUS ? PLUS : MINUS, POINTS = LINE * LINE,
     SUMS = (OTHER + OWN + 3 + 7) / 8 * 8,  // columns of a quadrature: N, l, normal
-    CORNERS = 12,                          // of a quadrilateral cut by another one, with room for one that is not convex
+    CORNERS = 12,                          // of a quadrilateral cut by another one, which need not be convex
 };
 #define WHOLE 1e-6  // part of a cell by which its covered area may differ from all of it
 #define SETTLED 1e-8  // last step of Newton's method, in reference coordinates: the error is its square
@@ -178,8 +178,21 @@ INLINE int without_flat_corners(double polygon[CORNERS][2], int corners, double 
     return corners;
 }
 
-// Sets overlap and map of a pair; a side of the minus surface without neighbour is moved outwards by OVERHANG of its
-// facet. Returns the area of the overlap, zero if the cell faces the other way.
+// Range of the reference coordinates of a cell of the minus side. A side of the surface without neighbour is moved
+// outwards by OVERHANG of its facet.
+INLINE void limits_of(const struct pair *pair, const unsigned char *open, const double *nodes, double low[2],
+                      double high[2])
+{
+    const long cell[2] = {pair->piece / MINUS, pair->piece % MINUS};
+    const int before[2] = {open[3], open[0]}, after[2] = {open[1], open[2]};
+    for (int c = 0; c < 2; c++) {
+        const double more = 4 * OVERHANG / (nodes[cell[c] + 1] - nodes[cell[c]]);
+        low[c] = cell[c] == 0 && before[c] ? -1 - more : -1;
+        high[c] = cell[c] == MINUS - 1 && after[c] ? 1 + more : 1;
+    }
+}
+
+// Sets overlap and map of a pair. Returns the area of the overlap, zero if the cell faces the other way.
 INLINE double overlap(struct plane *plane, const struct cell *other, const unsigned char *open,
                       const double *nodes, struct pair *pair)
 {
@@ -193,11 +206,9 @@ INLINE double overlap(struct plane *plane, const struct cell *other, const unsig
     bilinear(flat, pair->map);
     pair->corners = 0;
     if (2 * (turn(flat[0], flat[1], flat[2]) + turn(flat[0], flat[2], flat[3])) <= SLIVER * plane->area) return 0;
-    const long i = pair->piece / MINUS, j = pair->piece % MINUS;
-    const double of_s = 1 + 4 * OVERHANG / (nodes[i + 1] - nodes[i]), of_t = 1 + 4 * OVERHANG / (nodes[j + 1] - nodes[j]);
-    const double low_s = i == 0 && open[3] ? -of_s : -1, high_s = i == MINUS - 1 && open[1] ? of_s : 1;
-    const double low_t = j == 0 && open[0] ? -of_t : -1, high_t = j == MINUS - 1 && open[2] ? of_t : 1;
-    const double ends[4][2] = {{low_s, low_t}, {high_s, low_t}, {high_s, high_t}, {low_s, high_t}};
+    double low[2], high[2];
+    limits_of(pair, open, nodes, low, high);
+    const double ends[4][2] = {{low[0], low[1]}, {high[0], low[1]}, {high[0], high[1]}, {low[0], high[1]}};
     for (int k = 0; k < 4; k++) position(pair->map, ends[k][0], ends[k][1], pair->polygon[k]);
     double own[4][2];
     for (int k = 0; k < 4; k++) position(plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, own[k]);
@@ -268,8 +279,8 @@ INLINE void opposite_at(const struct side *minus, long facet, long piece, int co
     }
 }
 
-// Points and weights of a polygon: a product rule on quadrilaterals, else one on every triangle of a fan. Returns whether
-// this is the last part.
+// Points and weights of a polygon: a product rule on quadrilaterals, else one on every triangle of a fan. Returns
+// whether this is the last part.
 INLINE int quadrature(struct pair *pair, int part, const double *gauss, const double *weight, double x[2][POINTS],
                       double *w)
 {
@@ -289,13 +300,15 @@ INLINE int quadrature(struct pair *pair, int part, const double *gauss, const do
     return pair->corners == 4 || part + 1 == pair->corners - 2;
 }
 
-// Add the integrals over the overlap of a pair: of l N to `block`, of l l and l n to `sums`; whether points were paired.
+// Add the integrals over the overlap of a pair: of l N to `block`, of l l and l n to `sums`. Returns whether all points
+// have reference coordinates.
 INLINE int integrate(struct pair *pair, struct plane *plane, const struct side *plus, const struct side *minus,
                      const double *metric, const double *gauss, const double *weight, struct block *block,
                      double sums[OWN][OWN + 3])
 {
     const long row = pair->cell / PLUS, column = pair->cell % PLUS;
-    const double scale = 0.25 * (plus->nodes[row + 1] - plus->nodes[row]) * (plus->nodes[column + 1] - plus->nodes[column]);
+    const double *nodes = plus->nodes;
+    const double scale = 0.25 * (nodes[row + 1] - nodes[row]) * (nodes[column + 1] - nodes[column]);
     for (int part = 0, last = 0; !last; part++) {
         double x[2][POINTS], w[POINTS], s[POINTS], t[POINTS], all[SUMS][POINTS], local[POINTS] = {0};
         double value[2][(PLUS + 1) * POINTS], slope[(PLUS + 1) * POINTS], own[OWN][POINTS], both[POINTS][SUMS];
@@ -365,15 +378,15 @@ INLINE void collocate(struct pair *pair, struct plane *plane, const struct side 
 {
     const long first = pair->cell / PLUS * (PLUS + 1) + pair->cell % PLUS;
     const long corner[4] = {first, first + PLUS + 1, first + PLUS + 2, first + 1};
-    const long i = pair->piece / MINUS, j = pair->piece % MINUS;
-    const double *nodes = minus->nodes, slack = 1 + SLIVER;
-    const double of_s = slack + 4 * OVERHANG / (nodes[i + 1] - nodes[i]), of_t = slack + 4 * OVERHANG / (nodes[j + 1] - nodes[j]);
+    double low[2], high[2];
+    limits_of(pair, open, minus->nodes, low, high);
     for (int k = 0; k < 4; k++) {
         double x[2], at[2], basis[OTHER], n[3];
         position(plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, x);
-        if (!inverse_of(pair->map, 1, x, x + 1, at, at + 1) || jacobian(pair->map, at[0], at[1]) <= SLIVER * plane->area) continue;
-        if (at[0] < -(i == 0 && open[3] ? of_s : slack) || at[0] > (i == MINUS - 1 && open[1] ? of_s : slack)) continue;
-        if (at[1] < -(j == 0 && open[0] ? of_t : slack) || at[1] > (j == MINUS - 1 && open[2] ? of_t : slack)) continue;
+        if (!inverse_of(pair->map, 1, x, x + 1, at, at + 1)) continue;
+        int inside = jacobian(pair->map, at[0], at[1]) > SLIVER * plane->area;
+        for (int c = 0; c < 2; c++) inside = inside && at[c] > low[c] - SLIVER && at[c] < high[c] + SLIVER;
+        if (!inside) continue;
         opposite_at(minus, pair->facet, pair->piece, 1, at, at + 1, basis, n);
         for (int b = 0; b < OTHER; b++) block->values[corner[k]][b] += basis[b];
         for (int c = 0; c < 3; c++) normal[corner[k]][c] += n[c];
