@@ -286,3 +286,10 @@ def test_maps_of_a_sliding_contact_state_its_real_area(records):
     assert "6.35e+08 m²" in plots.remarks(axes) and "79.4 %" in plots.remarks(axes)
     states = axes[1].collections[0].get_array()
     assert np.bincount(np.ravel(states)).tolist() == [41 * 9, 0, 41 * 64, 41 * 8]
+
+
+def test_the_shear_force_of_a_surface_is_that_along_its_largest(records):
+    """Components of 0.6 and 0.8 of 0.4 MN."""
+    lines = plots.forces(records["sliding surface"])[0].lines
+    shear = next(line for line in lines if line.get_label() == "shear force")
+    assert np.max(shear.get_ydata()) == pytest.approx(0.4, rel=0.02)

@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ruptfx.results.analysis.force_drops import averaged, drops, knees
-from ruptfx.results.figure_style import scale
+from ruptfx.results.figure_style import Array, scale
 from ruptfx.results.plots._record import has_surface
 from ruptfx.results.plots._sheet import Sheet, figure
 from ruptfx.results.plots._states import COLOURS, explain
-from ruptfx.results.record import Files
+from ruptfx.results.record import Data, Files
 
 PANELS = ("forces", "states")
 DROP, BEND = 0.05, 0.01  # of the normal force: smallest drop, and tolerance of the polyline
@@ -63,10 +63,19 @@ def forces(
     sheet.remark(*remarks)
 
 
+def _shear(table: Data) -> Array:
+    """Return the shear force, of a surface its part along the largest one [N or N/m]."""
+    if "shear_force" in table:
+        return np.asarray(table["shear_force"].values)
+    components = np.stack([table[f"shear_force_{k}"].values for k in (1, 2)], axis=1)
+    size = np.linalg.norm(components, axis=1)
+    return np.asarray(components @ components[np.argmax(size)] / max(float(size.max()), 1e-300))
+
+
 def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float) -> tuple[str, ...]:
     """Draw the forces, drops and knees; return the remarks."""
     table = record.forces
-    time, normal, shear = (table[name].values for name in ("time", "normal_force", "shear_force"))
+    time, normal, shear = table["time"].values, table["normal_force"].values, _shear(table)
     f_size, f_unit = sheet.scale("force", np.array([normal, shear]), record.sum_unit("N"))
     mean = averaged(time, shear, window)
     sign = -1.0 if mean[np.argmax(np.abs(mean))] < 0 else 1.0
