@@ -106,20 +106,22 @@ for _name, _module in sorted(_modules.items(), key=lambda each: HEADINGS.index(e
 
 
 def program() -> None:
-    """Run `ruptfx` as a program; with DOLFINx loaded, exit without the slow clean-up of the interpreter."""
+    """Run `ruptfx` as a program, and exit without the slow clean-up of the interpreter: seconds after a study."""
     try:
         app(prog_name="ruptfx")
     except SystemExit as ended:
         fem = sys.modules.get("ruptfx.platform.fem")  # not imported here: the help and the version do without NumPy
-        if ended.code or fem is None or not fem.is_loaded():
+        parallel = fem is not None and fem.is_loaded()
+        if not isinstance(ended.code, int | None) or (parallel and ended.code):
             raise
-        fem.finish()
+        if parallel:
+            fem.finish()
         atexit._run_exitfuncs()
         sys.stdout.flush()  # includes the output of exit handlers
         sys.stderr.flush()
         # Not os._exit: MPICH tells mpiexec in an exit handler of C that this rank is done, and where none did mpiexec
         # takes it for a crash and now and then kills the others. No thread of Python's may run meanwhile (PyDLL).
-        ctypes.PyDLL(None).exit(0)
+        ctypes.PyDLL(None).exit(ended.code or 0)
 
 
 if __name__ == "__main__":
