@@ -166,6 +166,22 @@ def test_every_remedy_is_accepted() -> None:
     assert refused > 100 and tried > 300
 
 
+def test_every_remedy_about_pore_pressure_and_temperature_is_accepted() -> None:
+    """Of all rows of both fields: sliding, objective and fracture; a model is made with every remedy."""
+    fields = {"pore_pressure": HEATED, "temperature": {"kind": "given", "temperature": 300.0}}
+    beside: dict[str, dict[str, Any]] = {
+        "sliding": {"faults.main.sliding": {}}, "objective": {"objective": [{"kind": "final_slip", "sigma": 1e-6}]},
+    }  # fmt: skip
+    cells = [
+        (
+            f"{field}, {feature}",
+            plates({**SMALL, "faults.main.contact": COMPLIANT, **changes, f"faults.main.{field}": own}),
+        )
+        for (field, own), (feature, changes) in product(fields.items(), beside.items())
+    ] + [(f"{field}, fracture", faulted({f"faults.main.{field}": own})) for field, own in fields.items()]
+    assert count_tried(cells) == (6, 12)
+
+
 def test_every_remedy_about_attachments_and_materials_is_accepted() -> None:
     """Attachments in every stepper; materials in every stepper, with fracture, rotations, sliding, in every plane."""
     beside = {"faults.main.contact": COMPLIANT, "operator": "ufl_form"}
