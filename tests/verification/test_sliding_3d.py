@@ -162,3 +162,29 @@ def test_frames_follow_from_the_displacement_alone() -> None:
     )
     assert np.abs(face.frame[:, 0, 0]).max() > 0.1 and np.abs(face.frame[:, 1, 1]).max() < 1e-9
     np.testing.assert_allclose(face.frame, local_frame(face.frame[:, 0], np.array([0.0, 0.0, 1.0])), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["quasi_static", "generalized_alpha"])
+def test_implicit_steps_slide_along_both_tangents(kind: str) -> None:
+    """Dragged at 8 and 6 m/s: sliding points have mu times the pressure along their slip rate, the mean near 4 : 3."""
+    moves = [("lower.bottom", axis, 0.0) for axis in "xyz"]
+    moves += [("upper.top", axis, value) for axis, value in zip("xyz", (8.0, 6.0, -2.0), strict=True)]
+    case = parse_case(solids({
+        "order": 1, "duration": 2e-6, "faults.main.contact": COMPLIANT,
+        "stepper": {"kind": kind} | ({"time_step": 1e-7} if kind == "generalized_alpha" else {}),
+        "boundaries": [{"kind": "driven", "edge": edge, "component": c, "velocity": v} for edge, c, v in moves],
+    }))  # fmt: skip
+    model = Model(case)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    while state.time < case.duration * (1 - 1e-9):
+        motion.step(state)
+    face, fault = model.faults[0].interface, state.faults["main"]
+    shear, rate = (np.stack([fault[f"{name}_{k}"] for k in (1, 2)], axis=1) for name in ("shear_traction", "slip_rate"))
+    speed, pressure = np.linalg.norm(rate, axis=1), fault["normal_stress"]
+    slides = (pressure > 0) & (speed > 1e-2)
+    assert slides.sum() >= 4
+    expected = 0.3 * (pressure / np.maximum(speed, 1e-300))[:, None] * rate
+    np.testing.assert_allclose(shear[slides], expected[slides], atol=1e-6 * pressure.max())
+    force = face.weight @ shear / (face.weight @ pressure)
+    assert 0.25 < np.linalg.norm(force) < 0.3 + 1e-9 and 1.1 < force[0] / force[1] < 1.6
+    assert face.geometry.revision > 5

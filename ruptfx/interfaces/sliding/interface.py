@@ -248,7 +248,8 @@ class SlidingInterface(Interface):
     def dofs(self) -> Integers:
         """Local degrees of freedom of both surfaces."""
         dim = self.geometry.dim
-        return (dim * self.nodes[:, None] + np.arange(dim)).ravel()
+        result: Integers = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
+        return result
 
     @property
     def resting_jump(self) -> Floats:
@@ -485,7 +486,7 @@ def _patch(
         Facets that are no surface with a rim.
     """
     element, dofs = space.element.basix_element, space.dofmap.list
-    order, places = element.degree, element.points
+    order, places = element.degree, np.asarray(element.points, dtype=float)
     tensor = {}
     for number in np.unique(facets[:, 1]).tolist():
         closure = np.asarray(space.dofmap.dof_layout.entity_closure_dofs(2, number))
