@@ -83,7 +83,9 @@ def _draw_states(ax: Axes, data: Data, states: Array, lengths: tuple[float, str]
     positions, size = grid(data), lengths[0]
     if positions is None:
         strike, dip = data["position"].values / size, data["dip"].values / size
-        ax.scatter(strike, dip, c=states, s=6, lw=0, cmap=colours, norm=norm)
+        side = 72 * _surface.DRAWN / len(PANELS) / np.sqrt(len(states))  # of a square of each point, in points
+        ax.scatter(strike, dip, c=states, s=side**2, marker="s", lw=0, cmap=colours, norm=norm)
+        ax.set(xlim=(strike.min(), strike.max()), ylim=(dip.max(), dip.min()))
     else:
         s, d = (each / size for each in positions)
         table = states.reshape(len(s), len(d)).T
