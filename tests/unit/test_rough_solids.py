@@ -18,10 +18,13 @@ from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.bodies.meshes.lobatto import nodes_between
 from ruptfx.bodies.meshes.rough_plates import RoughPlates, _places
 from ruptfx.bodies.space.bodies import check_facets, check_orientation
+from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.sliding.roughness import _slope, largest_slope, mean_frame
 from ruptfx.interfaces.sliding.surface import Surface, lattice_numbers
 from ruptfx.platform import fem
+from ruptfx.run import stages
+from ruptfx.run.model import Model
 
 pytestmark = pytest.mark.fem
 
@@ -156,3 +159,27 @@ def test_slopes_of_surfaces(order: int) -> None:
     np.testing.assert_allclose(largest_slope(waves), h * k, rtol=0.05)
     np.testing.assert_allclose(_slope(waves, plane), h * k / np.sqrt(2), rtol=0.03)
     np.testing.assert_allclose(_slope(plane, waves), h * k / np.sqrt(2), rtol=0.08)  # of its nearest nodes
+
+
+def test_explicit_steps_of_a_solid_on_a_rigid_base() -> None:
+    """A force of 1 MPa on a block of 1 mm2 on a flat base, damped: the base carries 1 N."""
+    square = {"length": 1e-3, "width": 1e-3}
+    case = parse_case({
+        "plane": "solid", "order": 1, "duration": 10e-6, "positions": "x",
+        "mesh": {"kind": "block_on_rigid", **square, "height": 0.5e-3, "element_size": 0.25e-3, "base": square},
+        "materials": {"default": {
+            "kind": "isotropic_elastic", "young_modulus": 5e9, "poisson_ratio": 0.25, "density": 1200.0,
+        }},
+        "damping": {"mass": 5e6},
+        "faults": {"main": {
+            "sliding": {}, "initial_stress": {"normal": 0.0}, "contact": {"kind": "forward_lagrange"},
+            "friction": {"kind": "coulomb", "mu_d": 0.3},
+        }},
+        "boundaries": [{"kind": "traction", "edge": "upper.top", "traction": [0.0, 0.0, -1e6], "ramp": 1e-6}],
+    })  # fmt: skip
+    model = Model(case, fem.MPI.COMM_WORLD)
+    motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
+    while state.time < case.duration:
+        motion.step(state)
+    load = float(face.weight @ state.faults["main"]["normal_stress"])
+    assert load == pytest.approx(1.0, rel=0.02)

@@ -258,7 +258,7 @@ class SlidingStep:
         own, other = self._inverse_mass[:n], self._inverse_mass[n:]
         coupling = face.geometry.coupling
         both = own + coupling.squared() @ other
-        if face.geometry.dim == 3:
+        if face.geometry.dim == 3 and coupling.nodes:  # a rigid side has none
             across = np.zeros(coupling.nodes)
             np.add.at(across, coupling.columns, np.abs(coupling.values) * face.weight[:, None])
             row = replace(coupling, values=np.abs(coupling.values)) @ (across[:, None] * other)
