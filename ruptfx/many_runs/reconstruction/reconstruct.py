@@ -59,7 +59,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class Setting:
-    """What is known before the data of an experiment."""
+    """Specimen, sensors, prior settings and responses of an experiment: all input of `solve` besides the prior."""
 
     experiment: Experiment
     rows: Rows
