@@ -433,7 +433,6 @@ def test_keys_without_effect_are_refused(key: str, changes: dict[str, Any]) -> N
      "plane = 'solid': bodies break in plane stress and plane strain only"),
     ({"collisions": {"kind": "potential"}}, "collisions, plane = 'solid': in plane stress and strain only; remove"),
     ({"large_rotations": True}, "large_rotations, plane = 'solid': in plane stress and plane strain only; remove"),
-    ({"faults.main.sliding": {}}, "faults.main.sliding: only motion in a plane"),
 ])  # fmt: skip
 def test_what_is_for_planes_is_refused_at_once_in_three_dimensions(changes: dict[str, Any], message: str) -> None:
     """Order 2 and stress of the fault, which fracture refuses in a plane, are not named first."""
