@@ -91,7 +91,7 @@ def mean_frame(side: Surface) -> Floats:
     """Return the mean normal and the tangents of a surface, or the chord of a chain as its tangent; rows."""
     if side.points.shape[1] == 2:
         chord = side.points[-1] - side.points[0]
-        return local_frame(np.array([[-chord[1], chord[0]]]) / np.linalg.norm(chord))[0]
+        return np.asarray(local_frame(np.array([[-chord[1], chord[0]]]) / np.linalg.norm(chord))[0])
     normal = (side.shares[..., None] * _normals(side)).sum(axis=(0, 1))
     frame: Floats = local_frame(normal[None] / np.linalg.norm(normal))[0]
     return frame
