@@ -111,11 +111,11 @@ def program() -> None:
         app(prog_name="ruptfx")
     except SystemExit as ended:
         fem = sys.modules.get("ruptfx.platform.fem")  # not imported here: the help and the version do without NumPy
-        parallel = fem is not None and fem.is_loaded()
-        if not isinstance(ended.code, int | None) or (parallel and ended.code):
+        loaded = fem if fem is not None and fem.is_loaded() else None
+        if not isinstance(ended.code, int | None) or (loaded and ended.code):
             raise
-        if parallel:
-            fem.finish()
+        if loaded:
+            loaded.finish()
         atexit._run_exitfuncs()
         sys.stdout.flush()  # includes the output of exit handlers
         sys.stderr.flush()
