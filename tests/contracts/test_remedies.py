@@ -796,6 +796,11 @@ for old, new in (
     ("{-3, 5, 6, 7}", "{8, 5, 6, 7}"), ('"main") = {3}', '"main") = {3, 8}'),
 ):  # fmt: skip
     APART = APART.replace(old, new)
+BLOCKS = """SetFactory("OpenCASCADE");
+Box(1) = {-5e-3, -5e-3, -10e-3, 40e-3, 30e-3, 10e-3}; Box(2) = {0, 0, 0, 20e-3, 20e-3, 10e-3};
+Transfinite Curve{:} = 3; Transfinite Surface{:}; Transfinite Volume{:}; //
+Physical Volume("lower") = {1}; Physical Volume("upper") = {2}; Physical Surface("main") = {6, 11};
+"""
 ROCK = 'Physical Surface("rock") = {1, 2};'
 IN_ROCK = PLATES.replace('Physical Surface("lower") = {1}; Physical Surface("upper") = {2};', ROCK)
 IN_ROCK = re.sub(r'"(upper|lower)\.', '"rock.', IN_ROCK)
@@ -851,6 +856,10 @@ MESHES: dict[str, Meshed] = {
     "sides of other nodes": Meshed(
         APART, {"faults.main.contact": COMPLIANT}, r"matching = false here, and the table \[faults\.(\w+)\.sliding\]",
         lambda m: [({"h / 3": "h"}, {}), ({}, SLIDES)]),
+    "tetrahedra that slide": Meshed(
+        BLOCKS, {"plane": "solid", "boundaries": [], **SLIDES},
+        r"of tetrahedron elements.*transfinite volumes with '(Recombine)'\), or remove (this table)",
+        lambda m: [({"; //": f"; {m[1]} Surface{{:}};"}, {})]),
     "a script that does more": Meshed(
         f'{PLATES}\nSystemCall "true";', {}, r"add (trust) = true to \[mesh\]", lambda m: [({}, {"mesh.trust": True})]),
 }  # fmt: skip

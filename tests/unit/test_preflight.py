@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.sliding_cases import rough, wave
+from helpers.sliding_cases import rough, solids, wave
 from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
 from scipy.optimize import brentq
 
@@ -101,6 +101,50 @@ def test_an_end_that_edges_drive_off() -> None:
     table = rough({"duration": 120e-6})
     stages = [{"duration": 60e-6}] * 2
     assert rows({**table, "stages": stages})[key].verdict == "warning"
+
+
+def test_solids_that_slide() -> None:
+    """The upper body is 1.5 x 1 mm from (0, 0), the lower one 2.7 x 2.7 mm from (-0.3, -0.3) mm; the upper one is
+    driven by 8 m/s along x and by 6 m/s along y: 0.9 mm of the lower one are before it along x, 1.4 mm along y."""
+    means = {"output.forces_interval": 0.2e-6}
+    keys = [f": slip until an end leaves along t{k}" for k in (1, 2)]
+    for duration, slips, leaves in ((100e-6, (0.8e-3, 0.6e-3), (False, False)),
+                                    (150e-6, (1.2e-3, 0.9e-3), (True, False)),
+                                    (250e-6, (2.0e-3, 1.5e-3), (True, True))):  # fmt: skip
+        found = rows(solids({"duration": duration, **means}))
+        for key, slip, away in zip(keys, slips, leaves, strict=True):
+            assert found[key].value == pytest.approx(0.3e-3) and found[key].verdict == ("warning" if away else "ok")
+            assert (f"edges drive it by {slip:.4g} m" in found[key].note) == away
+    assert "to -t1 0.0003 m, to +t1 0.0009 m" in found[keys[0]].note
+    assert "to -t2 0.0003 m, to +t2 0.0014 m" in found[keys[1]].note
+    assert found[": spacing of nodes, plus / minus"].value == pytest.approx(0.25 / (2.7 / 14))
+    assert found[": part of the surface above the opposite one"].value == pytest.approx(1)
+    assert found[": largest slope"].value == pytest.approx(0, abs=1e-9)
+    back = solids({"duration": 60e-6, **means})  # 0.36 mm to -y, where there is 0.3 mm
+    back["boundaries"][5]["velocity"] = -6.0
+    assert [rows(back)[key].verdict for key in keys] == ["ok", "warning"]
+    # Of elements of 0.5 mm along y, with the weights 1/6, 4/6, 1/6, the nodes at -0.7 and -0.45 mm overhang.
+    bent = {"kind": "sinusoid", "amplitude": 50e-6, "wavelength": 2e-3}  # 2 pi 50 um / 2 mm = 0.157
+    found = rows(solids({"mesh.upper.front": -0.7e-3, "mesh.curve_order": 2, "mesh.lower.profile": bent, **means}))
+    assert found[": part of the surface above the opposite one"].value == pytest.approx(7 / 12, rel=0.01)
+    assert found[": largest slope"].value == pytest.approx(0.157, rel=0.1)
+
+
+def test_theory_of_random_roughness_is_for_random_surfaces() -> None:
+    """Persson's contact fraction under 20 MPa: not of a ball, nor of crossed waves; E* is that of both bodies."""
+    crossed = {"kind": "along_dip", "profile": {"kind": "sinusoid", "amplitude": 1.0, "wavelength": 1e-3}}
+    waves = {"kind": "product", "value": {"kind": "sinusoid", "amplitude": 2e-6, "wavelength": 1e-3}, "factor": crossed}
+    ball = {"kind": "parabola", "radius": 20e-3, "center": {"x": 0.5e-3, "y": 0.5e-3}}
+    random = {"kind": "self_affine_surface", "rms": 2e-6, "hurst": 0.8, "length": 2e-3, "longest": 2e-3,
+              "shortest": 1e-3, "seed": 1}  # fmt: skip
+    for profile, says in ((ball, False), (waves, False), (random, True),
+                          ({"kind": "sum", "terms": [ball, random]}, True)):  # fmt: skip
+        found = rows(solids({"mesh.curve_order": 2, "mesh.upper.profile": profile}))
+        assert found[": E*"].value == pytest.approx(1 / (0.9375 / 5.3e9 + 0.9375 / 3.392e9), rel=1e-6)
+        assert (": contact fraction" in found) == (": mean pressure of contacts" in found) == says
+    slope = float(found[": root mean square slope"].value)
+    expected = math.erf(20e6 / (math.sqrt(2) * 0.5 * 2.2063e9 * slope))
+    assert found[": contact fraction"].value == pytest.approx(expected, rel=1e-3)
 
 
 def test_theory_of_two_waves() -> None:

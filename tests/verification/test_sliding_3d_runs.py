@@ -49,6 +49,7 @@ def test_records_of_surfaces(alone: Path) -> None:
     np.testing.assert_allclose(table[:, 4:8].sum(axis=1), 1.0, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ranks", [2])
 def test_same_on_any_number_of_ranks(ranks: int, case_file: Path, alone: Path) -> None:
     out = run_on(ranks, case_file, case_file.parent / f"on_{ranks}")

@@ -12,7 +12,12 @@ from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.bodies.meshes.rough_plates import RoughPlates
 from ruptfx.input.profiles._self_affine import SelfAffineField
 from ruptfx.input.profiles.constant import Constant
+from ruptfx.input.profiles.places import parts
+from ruptfx.input.profiles.random import Random
 from ruptfx.input.profiles.sinusoid import Sinusoid
+from ruptfx.input.profiles.surface_table import SurfaceTable
+from ruptfx.input.profiles.table import Table
+from ruptfx.input.schema import Part
 from ruptfx.interfaces.faults.interface import local_frame
 from ruptfx.interfaces.faults.sides import Sides, sides_of
 from ruptfx.interfaces.sliding.interface import SlidingInterface
@@ -21,10 +26,11 @@ from ruptfx.interfaces.sliding.surface import Floats, Surface
 if TYPE_CHECKING:
     from ruptfx.bodies.boundaries.loading import Loads
     from ruptfx.bodies.space.discretisation import Discretisation
-    from ruptfx.input.schema import Part
     from ruptfx.interfaces.faults.fault import Fault
 
 SMOOTH = 1e-9  # root mean square slope caused by rounding
+IRREGULAR = SelfAffineField, Random, SurfaceTable, Table
+"""Profiles of random or of measured heights."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,8 @@ class Roughness:
         Median distance of nodes of the plus and the minus side [m].
     pressure : float or None
         Largest mean pressure [Pa]; None if it depends on the motion of edges.
+    random : bool
+        The theory of random roughness is for these surfaces.
     """
 
     modulus: float
@@ -53,6 +61,7 @@ class Roughness:
     shortest: float | None
     spacing: tuple[float, float]
     pressure: float | None
+    random: bool = True
 
 
 def roughness(
@@ -76,9 +85,11 @@ def roughness(
     if slope < SMOOTH or not all(_is_isotropic(model, side) for side in sides):
         return None
     spacing = sides[0].spacing, sides[1].spacing
-    wave, shortest = _waves(mesh)
-    modulus = _modulus(sides_of(model, face))
-    return Roughness(modulus, slope, wave, shortest, spacing, _pressure(model, fault, face, loads))
+    profiles = _profiles(mesh)
+    wave, shortest = _waves(profiles)
+    modulus, pressure = _modulus(sides_of(model, face)), _pressure(model, fault, face, loads)
+    random = face.geometry.dim == 2 or any(map(_is_random, profiles))
+    return Roughness(modulus, slope, wave, shortest, spacing, pressure, random)
 
 
 def welded_nodes(model: Discretisation, side: Surface) -> np.ndarray:
@@ -160,14 +171,22 @@ def _modulus(sides: Sides) -> float:
     return float(1 / np.mean(np.sum(1 / modulus, axis=0)))
 
 
-def _waves(mesh: Part) -> tuple[tuple[float, float] | None, float | None]:
-    """Return amplitude and wavelength of a sinusoidal distance, and the shortest wavelength of profiles, or None."""
+def _profiles(mesh: Part) -> tuple[object, ...]:
+    """Return the profiles of both surfaces, none if the mesh has other shapes."""
     if isinstance(mesh, RoughPlates):
-        profiles = mesh.upper.profile, mesh.lower.profile
-    elif isinstance(mesh, BlockOnRigid) and mesh.base is not None:
-        profiles = 0.0, mesh.base.profile
-    else:
-        return None, None
+        return mesh.upper.profile, mesh.lower.profile
+    if isinstance(mesh, BlockOnRigid) and mesh.base is not None:
+        return 0.0, mesh.base.profile
+    return ()
+
+
+def _is_random(profile: object) -> bool:
+    """Return whether a profile is of random or measured heights, or a profile inside it is."""
+    return isinstance(profile, Part) and any(isinstance(part, IRREGULAR) for _, part in parts(profile, ""))
+
+
+def _waves(profiles: tuple[object, ...]) -> tuple[tuple[float, float] | None, float | None]:
+    """Return amplitude and wavelength of a sinusoidal distance, and the shortest wavelength of profiles, or None."""
     lengths = [p.wavelength if isinstance(p, Sinusoid) else p.shortest for p in profiles
                if isinstance(p, Sinusoid | SelfAffineField)]  # fmt: skip
     shortest = min(lengths, default=None)

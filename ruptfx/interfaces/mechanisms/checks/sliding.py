@@ -39,7 +39,7 @@ def surface_rows(
             f"; the minus side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not "
             "resolved, refine it"
         )
-    spacings = f"{sides[0].spacing:.4g} and {sides[1].spacing:.4g} m{coarse}"
+    spacings = f"{sides[0].spacing:.4g} m and {sides[1].spacing:.4g} m{coarse}"
     yield Row(f"{label}: spacing of nodes, plus / minus", ratio, "", spacings, "warning" if coarse else "ok")
     slope = max(largest_slope(side) for side in sides)
     steep = "; strains and rotations must stay small: contact of steep flanks is less exact" if slope > STEEP else ""
@@ -74,7 +74,7 @@ def _reach_rows(
         name = "t" if len(tangents) == 1 else f"t{number}"
         yield Row(
             f"{label}: slip until an end leaves" + f" along {name}" * (len(tangents) > 1), max(0.0, min(margins)), "m",
-            f"to -{name} {margins[0]:.4g}, to +{name} {margins[1]:.4g} m; overhanging parts carry no load{away}",
+            f"to -{name} {margins[0]:.4g} m, to +{name} {margins[1]:.4g} m; overhanging parts carry no load{away}",
             "warning" if leaves else "ok",
         )  # fmt: skip
     if len(tangents) > 1:
@@ -132,6 +132,8 @@ def rough_rows(label: str, roughness: Roughness | None) -> Iterator[Row]:
     yield Row(f"{label}: root mean square slope", roughness.slope, "", "of the distance of the surfaces")
     if roughness.wave is not None:
         yield from _wave_rows(label, roughness, *roughness.wave)
+    if roughness.wave is None and not roughness.random:
+        return
     if roughness.pressure is None or roughness.pressure <= 0:
         why = "the motion of edges presses" if roughness.pressure is None else "nothing presses"
         yield Row(f"{label}: contact fraction", "not known", "", why)
