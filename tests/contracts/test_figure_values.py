@@ -79,8 +79,8 @@ SHAPES = ("points", "cells", "lines", "displacement")
 
 
 def write(path: Path, kind: str) -> Path:
-    if kind in ("surface", "line of receivers"):
-        return uneven(synthetic.write_surface_run(path, branch=kind == "surface"))
+    if kind in ("surface", "line of receivers", "sliding surface"):
+        return uneven(synthetic.write_surface_run(path, branch=kind == "surface", slides=kind == "sliding surface"))
     crack = synthetic.crack(TIME, POSITION)
     if kind == "cycles":
         resting = np.full((20, len(POSITION)), 1e-9)
@@ -243,6 +243,26 @@ def on_surfaces(record: Record, field: str, row: int) -> list[list[Shown]]:
     return panels
 
 
+def contact_maps(record: Record) -> list[list[Shown]]:
+    """Pressure and states of the last record, and the size of slip where the contact is closed."""
+    data = record.interface
+    strike, dip = (np.unique(data[name].values) for name in ("position", "dip"))
+    place = np.searchsorted(dip, data["dip"].values), np.searchsorted(strike, data["position"].values)
+
+    def table(values: Array) -> Array:
+        rows = np.empty((len(dip), len(strike)))
+        rows[place] = values
+        return rows
+
+    states = data["contact"].values[-1].astype(int)
+    slip = np.where(states % 3 != 0, np.hypot(data["slip_1"].values[-1], data["slip_2"].values[-1]), 0.0)
+    return [
+        [Shown(("x", strike), ("x", dip), ("traction", table(np.maximum(data["normal_stress"].values[-1], 0.0))))],
+        [Shown(("x", edges(strike)), ("x", edges(dip)), ("", table(states)))],
+        [Shown(("x", strike), ("x", dip), ("slip", table(slip)))],
+    ]
+
+
 def ground_motion(record: Record) -> list[list[Shown]]:
     data = record.instruments["ground"]
     peak = np.sqrt(sum(np.square(data[f"velocity_{axis}"].values) for axis in "xyz")).max(axis=0)
@@ -323,6 +343,7 @@ SHOWN: list[tuple[str, str, dict[str, Any], Callable[[Record], list[list[Shown]]
     ("slip_rate_maps", "surface", {"at": 6.0, "field": "slip"},
      lambda record: on_surfaces(record, "slip", at_row(record, 6.0))),
     ("rupture_map", "surface", {}, lambda record: on_surfaces(record, "slip", -1)),
+    ("contact_maps", "sliding surface", {}, contact_maps),
     ("ground_motion", "line of receivers", {}, ground_motion),
     ("fringes", "plain", {"at": AT[0]}, fringes),
     ("wavefield", "plain", {"at": AT[0]}, wavefield),
@@ -423,7 +444,8 @@ def test_values(
                 assert any(agrees(values, shown, size) for shown in panel) or name in EXTRA, f"panel {number}"
 
 
-NOT_DRAWN = {"snapshots": {"time"}, "slip_profiles": {"time"}, "surfaces": {"time"}, "slip_rate_maps": {"time"},
+NOT_DRAWN = {"contact_maps": {"time"},
+             "snapshots": {"time"}, "slip_profiles": {"time"}, "surfaces": {"time"}, "slip_rate_maps": {"time"},
              "fringes": {"time"}, "wavefield": {"time"}, "material_state": {"time"}}  # fmt: skip
 """Quantities of titles and colour bars."""
 EXTRA = {"ground_motion", "snapshots", "rupture_map", "slip_rate_maps", "cracks"}

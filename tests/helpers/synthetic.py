@@ -128,12 +128,6 @@ def write_run(
     _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp, slides, wet)
     if slides:
         _write_forces(path / "forces.csv", time)
-        text = (path / "forces.csv").read_text()
-        lines = [line.split(",") for line in text.splitlines()[2:]]
-        # The same force at an angle whose cosine is 0.6 to the first tangent.
-        rows = [",".join([*row[:2], *(repr(part * float(row[2])) for part in (0.6, 0.8)), *row[3:]]) for row in lines]
-        header = "time,normal_force,shear_force_1,shear_force_2,sticking,sliding,open,uncovered"
-        (path / "forces.csv").write_text("\n".join(["# s, N, parts", header, *rows, ""]))
     _write_bulk(path / "bulk.h5", np.linspace(time[0], time[-1], snapshots), plane)
     _write_energy(path / "energy.csv", time)
     _write_instruments(path / "instruments.h5", time)

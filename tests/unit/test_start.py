@@ -35,12 +35,10 @@ from ruptfx.app.cli import program
 program()
 """
 AT_THE_END = """
-import json, sys
+import atexit, json, sys
 from ruptfx.app.cli import program
-try:
-    program()
-except SystemExit as ended:
-    print(json.dumps(["end" if not ended.code else str(ended.code), sorted(sys.modules)]))
+atexit.register(lambda: print(json.dumps(["end", sorted(sys.modules)])))
+program()
 """
 
 
@@ -52,6 +50,7 @@ def loaded(program: str, *arguments: str | Path, **variables: str) -> tuple[str,
         [sys.executable, "-c", program, *map(str, arguments)],
         capture_output=True, text=True, timeout=300, cwd=ROOT, env=environment,
     )  # fmt: skip
+    assert done.returncode == 0, done.stderr
     text, modules = json.loads(done.stdout.splitlines()[-1])
     return text, set(modules)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -60,8 +61,14 @@ class Moved(EdgeMotion):
 
     @model_validator(mode="after")
     def _matching(self) -> Moved:
-        if len(self.times) < 2 or len(self.values) != len(self.times) or np.any(np.diff(self.times) <= 0):
-            raise ValueError("times must increase and be at least two, with one value for each")
+        late = next((b for a, b in pairwise(self.times) if b <= a), None)
+        if late is not None:
+            raise ValueError(f"times = {late:.6g} s follows a later or equal time; times must increase")
+        if len(self.times) < 2 or len(self.values) != len(self.times):
+            raise ValueError(
+                f"times = {len(self.times)}, values = {len(self.values)} numbers: give at least two times, and one "
+                "value for each"
+            )
         return self
 
     @property

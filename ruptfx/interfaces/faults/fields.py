@@ -169,13 +169,6 @@ class FaultFields:
         items = enumerate(self.contributions)
         return {f"fluid_{n}_{name}": values for n, each in items for name, values in each.parameters.items()}
 
-    def change(self, time: float, changes: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the change of the pore pressure at a time [s] by those of parameters [Pa], shape (n,)."""
-        total = np.zeros(self.points)
-        for name, slope in self.slopes(time).items():
-            total += slope * changes[name]
-        return total
-
     def slopes(self, time: float) -> dict[str, np.ndarray]:
         """Return the derivatives of the pore pressure by all parameters at a time [s], shapes (n,)."""
         items = enumerate(self.contributions)
@@ -255,16 +248,9 @@ class FaultFields:
             return
         memory, fields, time = state.fluids[fault.name], state.faults[fault.name], state.fault_time
         self.prepare(memory, time, dt)
-        values = self.values(memory, time, self._extrapolated(memory, dt))
+        values = self.values(memory, time, _extrapolated(memory, dt))
         for name, end in values.items():
             fields[rate_of(name)][:] = (end - fields[name]) / dt if dt > 0 else 0.0
-
-    @staticmethod
-    def _extrapolated(memory: FaultState, dt: float) -> Heating:
-        power, before, step = (memory[name][:, 0] for name in ("power", "power_before", "step"))
-        grown = 0.5 * dt * (power - before) / np.where(step > 0, step, 1.0)
-        ageing = memory["ageing"][:, 0] if "ageing" in memory else 0.0
-        return Heating(power, np.maximum(power + grown, 0.0) * dt, dt, ageing * dt, ageing)
 
     def heating(
         self, fault: WithFields, memory: FaultState, old: FaultState, new: FaultState, dt: float,
@@ -325,7 +311,7 @@ class FaultFields:
             if self.is_heated:
                 new["frictional_heat"][:] = old["frictional_heat"] + heating.heat
         memory["power"][:, 0] = power
-        self._require_pressed(fault, new, ends_at)
+        _require_pressed(fault, new, ends_at)
         return heating
 
     def require_short(self, fault: WithFields, state: State, heating: Heating | None) -> None:
@@ -354,18 +340,6 @@ class FaultFields:
                 "wells"
             )
 
-    @staticmethod
-    def _require_pressed(fault: WithFields, fields: FaultState, time: float) -> None:
-        pressure, normal = fields.get("pore_pressure"), fields["normal_stress"]
-        if pressure is not None and len(wrong := np.flatnonzero((pressure > normal) & (normal > 0))):
-            point = int(wrong[0])
-            where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
-            raise RuptfxError(
-                f"faults.{fault.name}.pore_pressure: {pressure[point]:.6g} Pa exceeds the normal stress of "
-                f"{normal[point]:.6g} Pa at ({where}) m, time {time:.6g} s: fluid would open the "
-                "interface, which is not computed; reduce the pressure or the injection, or raise the normal stress"
-            )
-
     def error(
         self, fault: WithFields, state: State, new: FaultState, dt: float, radiation: np.ndarray | float = 0.0
     ) -> float:
@@ -382,6 +356,25 @@ class FaultFields:
         """Return the estimated error of the pressure within a step [Pa], shape (n,)."""
         parts = [np.asarray(each.uncertainty(heating)) for each in self.contributions]
         return sum(parts, np.zeros(self.points))
+
+
+def _extrapolated(memory: FaultState, dt: float) -> Heating:
+    power, before, step = (memory[name][:, 0] for name in ("power", "power_before", "step"))
+    grown = 0.5 * dt * (power - before) / np.where(step > 0, step, 1.0)
+    ageing = memory["ageing"][:, 0] if "ageing" in memory else 0.0
+    return Heating(power, np.maximum(power + grown, 0.0) * dt, dt, ageing * dt, ageing)
+
+
+def _require_pressed(fault: WithFields, fields: FaultState, time: float) -> None:
+    pressure, normal = fields.get("pore_pressure"), fields["normal_stress"]
+    if pressure is not None and len(wrong := np.flatnonzero((pressure > normal) & (normal > 0))):
+        point = int(wrong[0])
+        where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
+        raise RuptfxError(
+            f"faults.{fault.name}.pore_pressure: {pressure[point]:.6g} Pa exceeds the normal stress of "
+            f"{normal[point]:.6g} Pa at ({where}) m, time {time:.6g} s: fluid would open the "
+            "interface, which is not computed; reduce the pressure or the injection, or raise the normal stress"
+        )
 
 
 def _started(law: FrictionLaw, initial: Mapping[str, np.ndarray]) -> FrictionLaw:

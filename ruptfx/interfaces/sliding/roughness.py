@@ -10,10 +10,11 @@ import numpy as np
 
 from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.bodies.meshes.rough_plates import RoughPlates
-from ruptfx.input.profiles._self_affine import SelfAffineField
 from ruptfx.input.profiles.constant import Constant
 from ruptfx.input.profiles.places import parts
 from ruptfx.input.profiles.random import Random
+from ruptfx.input.profiles.self_affine import SelfAffine
+from ruptfx.input.profiles.self_affine_surface import SelfAffineSurface
 from ruptfx.input.profiles.sinusoid import Sinusoid
 from ruptfx.input.profiles.surface_table import SurfaceTable
 from ruptfx.input.profiles.table import Table
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.faults.fault import Fault
 
 SMOOTH = 1e-9  # root mean square slope caused by rounding
-IRREGULAR = SelfAffineField, Random, SurfaceTable, Table
+IRREGULAR = SelfAffine, SelfAffineSurface, Random, SurfaceTable, Table
 """Profiles of random or of measured heights."""
 
 
@@ -188,7 +189,7 @@ def _is_random(profile: object) -> bool:
 def _waves(profiles: tuple[object, ...]) -> tuple[tuple[float, float] | None, float | None]:
     """Return amplitude and wavelength of a sinusoidal distance, and the shortest wavelength of profiles, or None."""
     lengths = [p.wavelength if isinstance(p, Sinusoid) else p.shortest for p in profiles
-               if isinstance(p, Sinusoid | SelfAffineField)]  # fmt: skip
+               if isinstance(p, Sinusoid | SelfAffine | SelfAffineSurface)]  # fmt: skip
     shortest = min(lengths, default=None)
     plain = all(isinstance(p, Sinusoid | Constant | float | int) for p in profiles)
     if shortest is None or not plain or max(lengths) > shortest * (1 + 1e-9):

@@ -358,21 +358,23 @@ class PressureMap:
             n for n, name in enumerate(self._names) if name.startswith("p_") and name.endswith("initial_pore_pressure")
         )
 
-    def _by_name(self, rows: Floats) -> dict[str, Floats]:
-        return {name: rows[self._names.index(name)] for name in self._fields.parameters}
+    def _change(self, time: float, changes: Floats) -> Floats:
+        """Return the change of the pore pressure at a time [s] by those of the parameters [Pa], shape (n,)."""
+        slopes = self._fields.slopes(time).items()
+        return sum((slope * changes[self._names.index(name)] for name, slope in slopes), np.zeros(changes.shape[1]))
 
     def with_initial(self, changes: Floats) -> Floats:
         """Return changes of the parameters with that of the initial pressure, shape (parameters, n)."""
         if not self._fields:
             return changes
         changes = changes.copy()
-        changes[self._initial] += self._fields.change(0.0, self._by_name(changes))
+        changes[self._initial] += self._change(0.0, changes)
         return changes
 
     def push(self, memory: Floats, changes: Floats, time: float, since: float) -> None:
         """Set the change of the rate in a step that ends at a time [s], in place."""
         if self._fields:
-            end = self._fields.change(time, self._by_name(changes))
+            end = self._change(time, changes)
             memory[self._rate] = (end - memory[self._pressure]) / since if since > 0 else 0.0
 
     def pull(self, memory: Floats, of_parameters: Floats, time: float, since: float) -> None:
