@@ -258,7 +258,7 @@ FIGURES = {
     "antiplane": "space_time", "bimaterial": "space_time", "rate_state": "space_time", "kalthoff": "cracks",
     "branching": "cracks", "brazilian": "cracks", "ball": "wavefield", "granite": "emission",
     "debonding": "snapshots", "sliding_start": "forces", "slow_sliding": "forces", "measured_surface": "surfaces",
-    "rough_sliding": "surfaces", "fault_zone": "space_time",
+    "rough_sliding": "surfaces", "ball_on_plate": "contact_maps", "fault_zone": "space_time",
     "branched_fault": "wavefield", "off_fault_plasticity": "material_state",
     "composite_impact": "space_time", "viscoelastic_impact": "space_time",
 }  # fmt: skip

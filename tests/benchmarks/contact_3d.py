@@ -1,11 +1,13 @@
-"""Contact of solids with rough surfaces: a ball, crossed waves, and a ball that is dragged in several directions.
+"""Contact of solids with rough surfaces: a ball, crossed waves, a ball that is dragged, and one that begins to slide.
 
 An elastic block of 5 GPa is pressed on rigid surfaces and damped to rest. On a paraboloid of 10 mm radius without
 friction, contact radius and largest pressure follow from the force (Hertz): a^3 = 3 F R / (4 E*) and
 p_0 = 3 F / (2 pi a^2). They are those of the parabola that fits the squares of the pressure inside of 0.85 a. On the
 waves h cos(2 pi x / l) cos(2 pi y / l), pressed until contact is complete, the pressure is its mean plus waves of the
 amplitude sqrt(2) pi E* h / l (Johnson, Greenwood, Higginson 1985). Dragged with friction, the force on the base is
-that of friction along the direction of motion.
+that of friction along the direction of motion. A ball on a plate of the same material, pushed by less than friction
+takes, sticks within c = a (1 - Q / (mu P))^(1/3) (Mindlin 1949); friction is of rate and state, mu its mean where it
+slips. Both radii are those of the areas.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from benchmarks._cases import case_of, table_of
 from ruptfx import Table
 from ruptfx.app.bench import Check, Outcome
+from ruptfx.bodies.state import State
 from ruptfx.case import Case
 from ruptfx.platform import fem, parallel
 from ruptfx.run import stages
@@ -36,6 +39,15 @@ PRESSED = BODY["boundaries"][0]
 INSIDE = 0.85  # part of the contact radius inside of which the pressure is fitted
 HEIGHT, WAVELENGTH, EXCESS = 2e-6, 1e-3, 1.4  # of the waves [m]; mean pressure over that of full contact
 FRICTION, SPEED, DRAG = 0.3, 10.0, 6e-6  # of the dragged ball: coefficient, m/s, s
+CREEP = 0.01  # m/s; slower points stick
+
+
+def at_end(case: Case, comm: fem.MPI.Comm) -> tuple[Model, State]:
+    model = Model(case, comm)
+    motion, state = stages.bind(model), model.initial_state()
+    while state.time < case.duration * (1 - 1e-9):
+        motion.step(state)
+    return model, state
 
 
 def pressed(case: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats, Floats, Floats]:
@@ -43,11 +55,8 @@ def pressed(case: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats, Floats, Flo
 
     The forces are the sum of the normal ones, and the components of the sum of the tangential ones.
     """
-    model = Model(case, comm)
-    motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
-    while state.time < case.duration * (1 - 1e-9):
-        motion.step(state)
-    fault = state.faults["main"]
+    model, state = at_end(case, comm)
+    face, fault = model.faults[0].interface, state.faults["main"]
     area = face.owned * face.weight
     shear = np.column_stack([fault[f"shear_traction_{k}"] for k in (1, 2)])
     tangential = np.einsum("i,ik,ikc->c", area, shear, face.frame[:, 1:])
@@ -128,12 +137,49 @@ def dragged(degrees: float, comm: fem.MPI.Comm) -> list[Check]:
     ]  # fmt: skip
 
 
+def begins(comm: fem.MPI.Comm) -> Check:
+    """Return the check of the part of the contact radius that sticks while a ball begins to slide."""
+    plate = {"length": 4e-3, "width": 4e-3, "left": -2e-3, "front": -2e-3, "height": 2e-3, "element_size": 0.1e-3,
+             "fine": 1e-3, "growth": 1.8}  # fmt: skip
+    wide = {"length": 4.4e-3, "width": 4.4e-3, "left": -2.2e-3, "front": -2.2e-3}
+    ball = {"kind": "parabola", "radius": 15e-3, "center": {"x": 0.0, "y": 0.0}}
+    edges = [{"kind": "driven", "edge": edge, "component": axis, "velocity": 0.0}
+             for edge, axis in [("upper.top", "y"), *(("lower.bottom", each) for each in "xyz")]]  # fmt: skip
+    moves = [
+        {"kind": "moved", "edge": "upper.top", "component": axis, "quantity": "displacement",
+         "times": [0.0, start, 45e-6], "values": values}
+        for axis, start, values in (("z", 8e-6, [0.0, -14e-6, -14e-6]), ("x", 20e-6, [0.0, 0.0, 6.25e-6]))
+    ]  # fmt: skip
+    case = case_of("contact_3d", {
+        "mesh": {"kind": "rough_plates", "curve_order": 2, "upper": {**plate, "profile": ball},
+                 "lower": {**plate, **wide}},
+        "duration": 40e-6, "boundaries": [*edges, *moves], "damping.mass": 5e5,
+        "faults.main.friction": {"kind": "rate_and_state_ageing", "a": 0.008, "b": 0.006, "D_c": 1e-7, "f_0": 0.3,
+                                 "V_0": 0.1, "V_initial": 1e-6},
+    })  # fmt: skip
+    model, state = at_end(case, comm)
+    face, fault = model.faults[0].interface, state.faults["main"]
+    shear, rate = (np.stack([fault[f"{name}_{k}"] for k in (1, 2)], axis=1) for name in ("shear_traction", "slip_rate"))
+    pressure, area = fault["normal_stress"], face.owned * face.weight
+    closed, slips = pressure > 0, (pressure > 0) & (np.linalg.norm(rate, axis=1) > CREEP)
+    friction = np.linalg.norm(shear, axis=1)
+    touching, sticking, load, rubbing, carried, *push = parallel.total(comm, [
+        area @ closed, area @ (closed & ~slips), area @ pressure, area @ (friction * slips), area @ (pressure * slips),
+        *np.einsum("i,ik,ikc->c", area, shear, face.frame[:, 1:]),
+    ])  # fmt: skip
+    theory = (1 - np.linalg.norm(push) / (rubbing / carried * load)) ** (1 / 3)
+    return Check("begins to slide: radius that sticks over that of contact", float(theory),
+                 float(np.sqrt(sticking / touching)), 0.03, "1", "Mindlin (1949)", relative=True)  # fmt: skip
+
+
 def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     sizes = (0.15e-3, 0.1e-3, 0.07e-3) if fine else (0.1e-3,)
     results = [hertz(size, comm) for size in sizes]
     checks = [check for each, _ in results for check in each] + waves(16 if fine else 8, comm)
     for degrees in (0, 30, 45, 90, 135, 180, 225, 300) if fine else (30,):
         checks += dragged(degrees, comm)
+    if fine:
+        checks.append(begins(comm))
     return Outcome(checks, lambda: _draw(*results[-1][1]))
 
 

@@ -288,6 +288,18 @@ def test_maps_of_a_sliding_contact_state_its_real_area(records):
     assert np.bincount(np.ravel(states)).tolist() == [41 * 9, 0, 41 * 64, 41 * 8]
 
 
+def test_states_of_points_in_any_order_are_at_their_places(records, monkeypatch):
+    """Of 81 columns, the first and the last half as wide: 64 sliding, 9 open, 8 uncovered."""
+    record = records["sliding surface"]
+    shuffled = record.interface.isel(point=np.random.default_rng(1).permutation(record.interface.sizes["point"]))
+    monkeypatch.setattr(type(record), "interface", property(lambda _: shuffled))
+    axes = plots.contact_maps(record)
+    states = np.asarray(axes[1].collections[0].get_array())
+    assert states.shape == (300, 300) and np.all(states == states[0])
+    share = np.bincount(states[0].astype(int), minlength=4) / 300
+    np.testing.assert_allclose(share, [9 / 80, 0.0, 63.5 / 80, 7.5 / 80], atol=0.004)
+
+
 def test_the_shear_force_of_a_surface_is_that_along_its_largest(records):
     """Components of 0.6 and 0.8 of 0.4 MN."""
     lines = plots.forces(records["sliding surface"])[0].lines

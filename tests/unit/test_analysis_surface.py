@@ -38,6 +38,8 @@ def test_a_circular_rupture(tmp_path, speed, regime):
             np.testing.assert_allclose(strike.ravel(), each.position, atol=0.1)
             np.testing.assert_allclose(dip.ravel(), each.dip, atol=0.1)
         assert grid(data.isel(point=np.random.default_rng(0).permutation(3321))) is None
+        by_height = np.argsort(np.abs(np.arange(41) - 20), kind="stable")  # of a paraboloid
+        assert grid(data.isel(point=np.arange(3321).reshape(81, 41)[:, by_height].ravel())) is None
         radius = np.hypot(data.position.values, data.dip.values - 10e3)
         velocity = rupture_velocity(data)[0]
         away = (radius > 6e3) & np.isfinite(velocity)

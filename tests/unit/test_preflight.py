@@ -123,6 +123,14 @@ def test_solids_that_slide() -> None:
     back = solids({"duration": 60e-6, **means})  # 0.36 mm to -y, where there is 0.3 mm
     back["boundaries"][5]["velocity"] = -6.0
     assert [rows(back)[key].verdict for key in keys] == ["ok", "warning"]
+    # A ball pressed on a plate as wide as itself and driven along x: along y it moves by round-off, and does not leave.
+    ball = {"kind": "parabola", "radius": 10e-3, "center": {"x": 0.75e-3, "y": 0.5e-3}}
+    along = solids({"mesh.upper.profile": ball, "mesh.curve_order": 2, "mesh.lower.width": 1e-3,
+                    "mesh.lower.front": 0.0, **means})  # fmt: skip
+    along["boundaries"][5]["velocity"] = 0.0
+    along["boundaries"][3] = {"kind": "driven", "edge": "upper.top", "component": "z", "velocity": -2.0}
+    assert [rows(along)[key].value for key in keys] == [pytest.approx(0.3e-3), 0.0]
+    assert rows(along)[keys[1]].verdict == "ok"
     # Of elements of 0.5 mm along y, with the weights 1/6, 4/6, 1/6, the nodes at -0.7 and -0.45 mm overhang.
     bent = {"kind": "sinusoid", "amplitude": 50e-6, "wavelength": 2e-3}  # 2 pi 50 um / 2 mm = 0.157
     found = rows(solids({"mesh.upper.front": -0.7e-3, "mesh.curve_order": 2, "mesh.lower.profile": bent, **means}))

@@ -29,8 +29,8 @@ def is_surface(data: Data) -> bool:
 def grid(data: Data) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the positions along strike and down dip of a structured surface [m]; None if its points form no grid.
 
-    Points of one column are next to each other, and both arrays have the order of the points, so that values have the
-    shape (len(strike), len(dip)). On faults of the Earth a column begins at its lowest point.
+    Points of one column are next to each other, up or down dip, and both arrays have the order of the points, so that
+    values have the shape (len(strike), len(dip)). On faults of the Earth a column begins at its lowest point.
     """
     extent = max(np.ptp(data["position"].values), np.ptp(data["dip"].values), 1e-300)
     strike, dip = (np.round(data[name].values / extent, 7) * extent for name in ("position", "dip"))
@@ -40,6 +40,8 @@ def grid(data: Data) -> tuple[np.ndarray, np.ndarray] | None:
     strike, dip = strike.reshape(columns, -1), dip.reshape(columns, -1)
     if np.any(strike != strike[:, :1]) or np.any(dip != dip[:1]):
         return None
+    if any(len(set(np.sign(np.diff(each)))) > 1 for each in (strike[:, 0], dip[0])):
+        return None  # points of a column in the order of their heights
     return strike[:, 0], dip[0]
 
 

@@ -19,6 +19,7 @@ from ruptfx.results.record import Data, Files
 
 PANELS = ("pressure", "states", "slip")
 ARROWS = 16  # arrows of slip along the longer extent
+RASTER = 300  # lines of a raster of points that form no grid
 
 
 def suits(record: Files) -> bool:
@@ -58,7 +59,7 @@ def contact_maps(
         else:
             _draw_slip(sheet, ax, data, row, closed, lengths)
         along, across = (label.replace("Down dip", "Across") for label in _surface.axis_names(data, lengths))
-        ax.set(xlabel=along, ylabel=across if ax is axes[0] else "", aspect="equal")
+        ax.set(xlabel=along, ylabel=across if ax is axes[0] else "", aspect="equal", anchor="S")
     t_size, t_unit = sheet.scale("time", saved, "s")
     axes[-1].set_title(f"{saved[row] / t_size:.4g} {t_unit}", loc="right")
     sheet.letter(axes)
@@ -82,16 +83,23 @@ def _draw_states(ax: Axes, data: Data, states: Array, lengths: tuple[float, str]
     )
     positions, size = grid(data), lengths[0]
     if positions is None:
-        strike, dip = data["position"].values / size, data["dip"].values / size
-        side = 72 * _surface.DRAWN / len(PANELS) / np.sqrt(len(states))  # of a square of each point, in points
-        ax.scatter(strike, dip, c=states, s=side**2, marker="s", lw=0, cmap=colours, norm=norm)
-        ax.set(xlim=(strike.min(), strike.max()), ylim=(dip.max(), dip.min()))
+        s, d, table = _nearest(data, states)
     else:
-        s, d = (each / size for each in positions)
-        table = states.reshape(len(s), len(d)).T
-        order = np.argsort(d)
-        ax.pcolormesh(edges(s), edges(d[order]), table[order], cmap=colours, norm=norm, rasterized=True)
+        s, d = positions
+        table, order = states.reshape(len(s), len(d)).T, np.argsort(d)
+        d, table = d[order], table[order]
+    ax.pcolormesh(edges(s / size), edges(d / size), table, cmap=colours, norm=norm, rasterized=True)
+    ax.set(xlim=(s.min() / size, s.max() / size), ylim=(d.max() / size, d.min() / size))
     explain(ax, per_line=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=0.8, handlelength=1.0)
+
+
+def _nearest(data: Data, states: Array) -> tuple[Array, Array, Array]:
+    """Return lines of a raster along strike and down dip [m], and the states of the nearest points on it."""
+    from scipy.spatial import cKDTree  # imported late: ordinary runs do not need it
+
+    points = np.stack([data[name].values for name in ("position", "dip")], axis=1)
+    s, d = (np.linspace(each.min(), each.max(), RASTER) for each in points.T)
+    return s, d, states[cKDTree(points).query(np.stack(np.meshgrid(s, d), axis=-1))[1]]
 
 
 def _draw_slip(

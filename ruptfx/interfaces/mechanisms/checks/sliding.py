@@ -23,6 +23,7 @@ COARSER = 1.5  # ratio of node spacings of the plus side, which carries the poin
 FAR_COARSER = 4.0  # ratio of node spacings of the minus side and the plus side, which carries the points
 STEEP = 0.2
 STIFF = 1.5  # ratio of the stable steps without and with the springs of an interface
+ROUNDED = 1e-9  # lengths over that of a surface that are caused by rounding
 FEWEST_NODES = 8  # least number of nodes across a contact, and along the shortest wave of a surface
 
 
@@ -67,9 +68,9 @@ def _reach_rows(
     for number, along in enumerate(tangents, 1):
         lows, highs = zip(*((float(place.min()), float(place.max())) for place in (s.points @ along for s in sides)),
                           strict=True)  # fmt: skip
-        margins = [0.0 if abs(end) < 1e-9 * size else end for end in (lows[0] - lows[1], highs[1] - highs[0])]
+        margins = [0.0 if abs(end) < ROUNDED * size else end for end in (lows[0] - lows[1], highs[1] - highs[0])]
         slip = float(driven @ along)
-        leaves = abs(slip) > max(0.0, margins[slip > 0])
+        leaves = abs(slip) > max(0.0, margins[slip > 0]) + ROUNDED * size
         away = f", but edges drive it by {slip:.4g} m: make the body that it slides on longer" if leaves else ""
         name = "t" if len(tangents) == 1 else f"t{number}"
         yield Row(
