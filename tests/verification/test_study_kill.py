@@ -36,6 +36,11 @@ values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 """
 
 
+def heed_ctrl_c() -> None:
+    """Do not inherit an ignored SIGINT: shells that run tests in the background ignore it for all that they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.fixture
 def start(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
@@ -44,7 +49,10 @@ def start(tmp_path):
     def launch(out: str) -> subprocess.Popen:
         command = [sys.executable, "-m", "ruptfx", "study", "study.toml", "--out", out, "--quiet"]
         with (tmp_path / f"{out}.err").open("w") as errors:
-            return subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=errors)
+            return subprocess.Popen(
+                command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=errors,
+                preexec_fn=heed_ctrl_c,
+            )  # fmt: skip
 
     return launch
 
