@@ -63,7 +63,8 @@ def _dataset(file: str, name: str, item: object) -> Run:
 def _columns(path: Path, energy: str, force: str) -> Run:
     rows = list(csv.reader(path.read_text().splitlines()[1:]))
     table = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(len(rows) - 1, len(rows[0]))
-    units = {"time": "s", "closure": "1", "normal_force": force, "shear_force": force, "friction_work": energy,
+    units = {"time": "s", "closure": "1", "normal_force": force, "shear_force": force,
+             "shear_force_1": force, "shear_force_2": force, "friction_work": energy,
              "impact_work": energy, "sticking": "1", "sliding": "1", "open": "1", "uncovered": "1"}  # fmt: skip
 
     def of(name: str) -> str:

@@ -173,7 +173,8 @@ def test_a_table_from_a_file(tmp_path: Path) -> None:
     assert read.boundaries[0].file is None
     for changes, message in (
         ({"times": [0.0, 1.0]}, "give either a file or times and values"),
-        ({"file": None, "times": [0.0, 0.0], "values": [0.0, 1.0]}, "times must increase and be at least two"),
+        ({"file": None, "times": [0.0, 0.0], "values": [0.0, 1.0]}, "times = 0"),
+        ({"file": None, "times": [0.0], "values": [0.0, 1.0]}, "times = 1, values = 2"),
         ({"file": "none.csv"}, r"none\.csv: cannot be read"),
     ):
         wrong = {key: value for key, value in (given | changes).items() if value is not None}
