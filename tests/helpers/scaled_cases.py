@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ruptfx.bodies.boundaries.moved import Moved
 from ruptfx.case import parse_case
 from ruptfx.input.profiles import OfKey, Profile
 from ruptfx.input.quantities import _unit
@@ -40,6 +41,8 @@ def _mapped(part: Part, table: Table, change: Change, of_key: str) -> Table:
             unit = of_key
         if isinstance(part, Profile) and name == "slope":  # change per distance
             unit = f"{of_key}/m"
+        if isinstance(part, Moved) and name == "values":
+            unit = {"displacement": "m", "velocity": "m/s"}[part.quantity]
         result[name] = _value(getattr(part, name), table[name], change, unit, text)
     return result
 
