@@ -15,6 +15,12 @@ def wave(side: int, amplitude: float = 10e-6) -> dict[str, Any]:
     return {"kind": "sinusoid", "mean": side * amplitude, "amplitude": -side * amplitude, "wavelength": 0.6e-3}
 
 
+SLIDES = {
+    "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": 0.3},
+    "initial_stress": {"normal": 0.0}, "sliding": {},
+}  # fmt: skip
+
+
 def rough(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     """Two rough bodies of different materials and elements, the lower one held, the upper one pressed."""
     body = {"length": 1.2e-3, "height": 0.5e-3, "element_size": 0.1e-3, "profile": wave(1)}
@@ -25,10 +31,7 @@ def rough(changes: dict[str, Any] | None = None) -> dict[str, Any]:
             "lower": {**body, "left": -0.3e-3, "length": 2.4e-3, "element_size": 0.137e-3, "profile": wave(-1)},
         },
         "materials": {"upper": STIFF, "lower": SOFT},
-        "faults": {"main": {
-            "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": 0.3},
-            "initial_stress": {"normal": 0.0}, "sliding": {},
-        }},
+        "faults": {"main": SLIDES},
         "boundaries": [
             {"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"
         ] + [
@@ -50,10 +53,7 @@ def solids(changes: dict[str, Any] | None = None) -> dict[str, Any]:
                       "element_size": 0.39e-3},
         },
         "materials": {"upper": STIFF, "lower": SOFT},
-        "faults": {"main": {
-            "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": 0.3},
-            "initial_stress": {"normal": 0.0}, "sliding": {},
-        }},
+        "faults": {"main": SLIDES},
         "boundaries": [
             {"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xyz"
         ] + [

@@ -242,14 +242,19 @@ def _write_instruments(path: Path, time: Array) -> None:
         data.to_netcdf(path, engine="h5netcdf", group=name, mode="a" if path.exists() else "w")
 
 
-def _write_forces(path: Path, time: Array) -> None:
-    """1 MN/m of normal force; shear force up to 0.4 of it in a ramp with a knee at 0.3, a drop to 0.2 and a ramp."""
+def _write_forces(path: Path, time: Array, components: dict[str, float] | None = None, unit: str = "N/m") -> None:
+    """1 MN/m of normal force; shear force up to 0.4 of it in a ramp with a knee at 0.3, a drop to 0.2 and a ramp.
+
+    `components` has parts of the shear force by the names of their columns.
+    """
+    components = components or {"shear_force": 1.0}
     at = np.array([0, 0.3, 0.5, 0.55, 1.0]) * (time[-1] or 1.0)
     shear = np.interp(time, at, [0, 0.3e6, 0.4e6, 0.2e6, 0.35e6])
     parts = np.outer(np.ones_like(time), [0.45, 0.3, 0.15, 0.1])
-    table = np.column_stack([time, np.full_like(time, 1e6), shear, parts])
+    table = np.column_stack([time, np.full_like(time, 1e6), np.outer(shear, list(components.values())), parts])
     rows = "\n".join(",".join(map(repr, map(float, row))) for row in table)
-    path.write_text(f"# s, N/m, parts\ntime,normal_force,shear_force,sticking,sliding,open,uncovered\n{rows}\n")
+    header = ",".join(["time,normal_force", *components, "sticking,sliding,open,uncovered"])
+    path.write_text(f"# s, {unit}, parts\n{header}\n{rows}\n")
 
 
 def _write_energy(path: Path, time: Array) -> None:
@@ -288,13 +293,8 @@ def write_surface_run(
         _write_surface(path / "interface_branch.h5", time, speed, structured, "branch", 0.5, 1.0, 2.0)
     _write_surface(path / f"interface{'_main' * branch}.h5", time, speed, structured, slides=slides)
     if slides:
-        _write_forces(path / "forces.csv", time)
-        text = (path / "forces.csv").read_text()
-        lines = [line.split(",") for line in text.splitlines()[2:]]
         # The same force at an angle whose cosine is 0.6 to the first tangent.
-        rows = [",".join([*row[:2], *(repr(part * float(row[2])) for part in (0.6, 0.8)), *row[3:]]) for row in lines]
-        header = "time,normal_force,shear_force_1,shear_force_2,sticking,sliding,open,uncovered"
-        (path / "forces.csv").write_text("\n".join(["# s, N, parts", header, *rows, ""]))
+        _write_forces(path / "forces.csv", time, {"shear_force_1": 0.6, "shear_force_2": 0.8}, "N")
     (path / "case.toml").write_text(tomli_w.dumps(case))
     _write_energy(path / "energy.csv", time)
     (path / "summary.json").write_text("{}")

@@ -43,11 +43,22 @@ INLINE void cross3(const double *a, const double *b, double *c)
     c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
+// Reference coordinates of corner k of a cell, in turn.
+INLINE double corner_s(int k) { return k == 1 || k == 2 ? 1 : -1; }
+INLINE double corner_t(int k) { return k > 1 ? 1 : -1; }
+
+// Places among the nodes of a facet of the corners of one of its cells, in turn.
+INLINE void corners_of(int order, long number, long corner[4])
+{
+    corner[0] = number / order * (order + 1) + number % order;
+    corner[1] = corner[0] + order + 1, corner[2] = corner[0] + order + 2, corner[3] = corner[0] + 1;
+}
+
 INLINE void cell_of(const struct side *side, int order, long facet, long number, struct cell *cell)
 {
     const long *nodes = side->numbers + facet * (order + 1) * (order + 1);
-    const long first = number / order * (order + 1) + number % order;
-    const long corner[4] = {first, first + order + 1, first + order + 2, first + 1};
+    long corner[4];
+    corners_of(order, number, corner);
     for (int c = 0; c < 3; c++) {
         for (int i = 0; i < 4; i++) cell->corner[i][c] = side->x[3 * nodes[corner[i]] + c];
         cell->middle[c] = 0.25 * (cell->corner[0][c] + cell->corner[1][c] + cell->corner[2][c] + cell->corner[3][c]);
@@ -104,30 +115,40 @@ INLINE int inverse_of(double map[4][2], int count, const double *x, const double
     return largest <= SETTLED;
 }
 
-// Sets the plane of a cell of the plus side: whether the cell is convex and faces the same way as the facet.
-INLINE int plane_of(const struct cell *cell, const double facing[3], struct plane *plane)
+// Diagonals of a cell and their cross product, twice its area times its normal.
+INLINE void diagonals(const struct cell *cell, double first[3], double second[3], double normal[3])
 {
-    double first[3], second[3], flat[4][2];
-    for (int c = 0; c < 3; c++) {
-        plane->origin[c] = cell->middle[c];
+    for (int c = 0; c < 3; c++)
         first[c] = cell->corner[2][c] - cell->corner[0][c], second[c] = cell->corner[3][c] - cell->corner[1][c];
-        plane->axis[0][c] = first[c] - second[c];
-    }
-    cross3(first, second, plane->axis[2]);
-    const double size = sqrt(dot3(plane->axis[2], plane->axis[2])), along = sqrt(dot3(plane->axis[0], plane->axis[0]));
-    plane->area = 0.5 * size;
-    for (int c = 0; c < 3; c++) plane->axis[2][c] /= size, plane->axis[0][c] /= along;
-    cross3(plane->axis[2], plane->axis[0], plane->axis[1]);
+    cross3(first, second, normal);
+}
+
+// Corners of a cell along the axes of a plane.
+INLINE void project(const struct plane *plane, const struct cell *cell, double flat[4][2])
+{
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 2; k++) {
             double arm[3];
             for (int c = 0; c < 3; c++) arm[c] = cell->corner[i][c] - plane->origin[c];
             flat[i][k] = dot3(arm, plane->axis[k]);
         }
+}
+
+// Sets the plane of a cell of the plus side: whether the cell is convex and faces the same way as the facet.
+INLINE int plane_of(const struct cell *cell, const double facing[3], struct plane *plane)
+{
+    double first[3], second[3], flat[4][2];
+    diagonals(cell, first, second, plane->axis[2]);
+    for (int c = 0; c < 3; c++) plane->origin[c] = cell->middle[c], plane->axis[0][c] = first[c] - second[c];
+    const double size = sqrt(dot3(plane->axis[2], plane->axis[2])), along = sqrt(dot3(plane->axis[0], plane->axis[0]));
+    plane->area = 0.5 * size;
+    for (int c = 0; c < 3; c++) plane->axis[2][c] /= size, plane->axis[0][c] /= along;
+    cross3(plane->axis[2], plane->axis[0], plane->axis[1]);
+    project(plane, cell, flat);
     bilinear(flat, plane->map);
     int convex = dot3(plane->axis[2], facing) > 0;
     for (int i = 0; i < 4; i++)
-        convex = convex && jacobian(plane->map, i == 1 || i == 2 ? 1 : -1, i > 1 ? 1 : -1) > SLIVER * plane->area;
+        convex = convex && jacobian(plane->map, corner_s(i), corner_t(i)) > SLIVER * plane->area;
     return convex;
 }
 
@@ -197,12 +218,7 @@ INLINE double overlap(struct plane *plane, const struct cell *other, const unsig
                       const double *nodes, struct pair *pair)
 {
     double flat[4][2];
-    for (int i = 0; i < 4; i++)
-        for (int k = 0; k < 2; k++) {
-            double arm[3];
-            for (int c = 0; c < 3; c++) arm[c] = other->corner[i][c] - plane->origin[c];
-            flat[i][k] = dot3(arm, plane->axis[k]);
-        }
+    project(plane, other, flat);
     bilinear(flat, pair->map);
     pair->corners = 0;
     if (2 * (turn(flat[0], flat[1], flat[2]) + turn(flat[0], flat[2], flat[3])) <= SLIVER * plane->area) return 0;
@@ -211,7 +227,7 @@ INLINE double overlap(struct plane *plane, const struct cell *other, const unsig
     const double ends[4][2] = {{low[0], low[1]}, {high[0], low[1]}, {high[0], high[1]}, {low[0], high[1]}};
     for (int k = 0; k < 4; k++) position(pair->map, ends[k][0], ends[k][1], pair->polygon[k]);
     double own[4][2];
-    for (int k = 0; k < 4; k++) position(plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, own[k]);
+    for (int k = 0; k < 4; k++) position(plane->map, corner_s(k), corner_t(k), own[k]);
     int corners = 4;
     for (int k = 0; k < 4 && corners > 2; k++) corners = cut(pair->polygon, corners, own[k], own[(k + 1) % 4]);
     if (corners < 3) return 0;
@@ -376,13 +392,13 @@ INLINE void to_dual(double mass[OWN][OWN + 3], const double *integral, double *v
 INLINE void collocate(struct pair *pair, struct plane *plane, const struct side *minus, const unsigned char *open,
                       struct block *block, double normal[OWN][3], int *times)
 {
-    const long first = pair->cell / PLUS * (PLUS + 1) + pair->cell % PLUS;
-    const long corner[4] = {first, first + PLUS + 1, first + PLUS + 2, first + 1};
+    long corner[4];
     double low[2], high[2];
+    corners_of(PLUS, pair->cell, corner);
     limits_of(pair, open, minus->nodes, low, high);
     for (int k = 0; k < 4; k++) {
         double x[2], at[2], basis[OTHER], n[3];
-        position(plane->map, k == 1 || k == 2 ? 1 : -1, k > 1 ? 1 : -1, x);
+        position(plane->map, corner_s(k), corner_t(k), x);
         if (!inverse_of(pair->map, 1, x, x + 1, at, at + 1)) continue;
         int inside = jacobian(pair->map, at[0], at[1]) > SLIVER * plane->area;
         for (int c = 0; c < 2; c++) inside = inside && at[c] > low[c] - SLIVER && at[c] < high[c] + SLIVER;
@@ -486,11 +502,7 @@ static long pairs_of(struct work *work, const struct tree *tree, long e, struct 
     for (int s = 0; s < CELLS; s++) {
         double first[3], second[3], normal[3];
         cell_of(&work->plus, PLUS, e, s, cells + s);
-        for (int c = 0; c < 3; c++) {
-            first[c] = cells[s].corner[2][c] - cells[s].corner[0][c];
-            second[c] = cells[s].corner[3][c] - cells[s].corner[1][c];
-        }
-        cross3(first, second, normal);
+        diagonals(cells + s, first, second, normal);
         for (int c = 0; c < 3; c++) facing[c] += normal[c];
     }
     long count = 0;

@@ -32,7 +32,7 @@ from ruptfx.platform.codegen import native
 from ruptfx.platform.codegen.native import address
 
 LEAF = 4  # facets of the minus side in one leaf of the tree
-COVERED_TWICE, FOLDED = -1, -2  # results of `couple` in mortar_surfaces.c
+COVERED_TWICE = -1  # result of `couple` in mortar_surfaces.c, whose other one is for folded facets
 
 
 class Side(ctypes.Structure):
@@ -100,13 +100,12 @@ class SurfaceMortar:
         }  # fmt: skip
         source = files("ruptfx.interfaces.sliding").joinpath("mortar_surfaces.c").read_text()
         self._library = native.load("mortar_surfaces", source, macros)
-        for function in (self._library.couple, self._library.rows, *self._sizes()):
-            function.restype = ctypes.c_long
+        for name in ("couple", "rows", "size_of_pair", "size_of_cell"):
+            getattr(self._library, name).restype = ctypes.c_long
         self._opposite = np.zeros(0, dtype=np.int64)
         self._upto = np.zeros(plus.facets + 1, dtype=np.int64)
-        size_of_pair, size_of_cell = (size() for size in self._sizes())
-        self._cells = np.zeros(minus.facets * minus.order**2 * size_of_cell, dtype=np.uint8)
-        self._ball, self._size_of_pair = np.zeros((4 * minus.facets + 4, 4)), size_of_pair
+        self._cells = np.zeros(minus.facets * minus.order**2 * self._library.size_of_cell(), dtype=np.uint8)
+        self._ball = np.zeros((4 * minus.facets + 4, 4))
         self._grow(64 * plus.order**2, 8 * plus.facets)
         if plus.facets and minus.facets:
             self._require_facing()
@@ -151,14 +150,10 @@ class SurfaceMortar:
             Coupling(columns[:, 0].copy(), values, len(minus), listed=columns), weight, normal, covered
         )
 
-    def _sizes(self) -> tuple[ctypes._NamedFuncPointer, ctypes._NamedFuncPointer]:
-        """Return the functions with the sizes of structures of the C code."""
-        return self._library.size_of_pair, self._library.size_of_cell
-
     def _grow(self, pairs: int, blocks: int) -> None:
         """Allocate arrays for the pairs of one facet, and for the blocks of all."""
         self._capacity = pairs, blocks
-        self._pairs = np.zeros(pairs * self._size_of_pair, dtype=np.uint8)
+        self._pairs = np.zeros(pairs * self._library.size_of_pair(), dtype=np.uint8)
         self._blocks = np.empty((blocks, self.plus.numbers.shape[1], self.minus.numbers.shape[1]))
         self._opposite = np.zeros(blocks, dtype=np.int64)
 
@@ -182,12 +177,7 @@ class SurfaceMortar:
             pairs, blocks, _ = work.needed
             if failure or (pairs <= self._capacity[0] and blocks <= self._capacity[1]):
                 return work, failure
-            self._grow(
-                *(
-                    max(many, least)
-                    for many, least in zip((2 * pairs, blocks + blocks // 4), self._capacity, strict=True)
-                )
-            )
+            self._grow(max(2 * pairs, self._capacity[0]), max(blocks + blocks // 4, self._capacity[1]))
 
     def _rows(self, work: Work, n: int, m: int) -> tuple[Integers, Floats]:
         """Return nodes and values of w B, shapes (n, width)."""
