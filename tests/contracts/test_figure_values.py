@@ -68,7 +68,10 @@ def uneven(path: Path) -> Path:
                 item[...] *= factor.reshape(factor.shape + (1,) * (item.ndim - 2))
 
             data.visititems(change)
-            if file.name == "bulk.h5":  # else the speed is that of one component
+            for name in ("slip", "slip_rate"):  # else the size is that of one component
+                if f"{name}_2" in data:
+                    data[f"{name}_2"][...] = 0.6 * data[f"{name}_1"][...]
+            if file.name == "bulk.h5":  # as above
                 velocity = data["velocity"][...]
                 velocity[..., 0] = 0.7 * velocity[..., -1]
                 data["velocity"][...] = velocity
