@@ -23,7 +23,7 @@ from ruptfx.bodies.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.bodies.meshes._gmsh import session
 from ruptfx.bodies.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.bodies.meshes.box_with_fault import BoxWithFault
-from ruptfx.bodies.meshes.gmsh_file import GmshFile
+from ruptfx.bodies.meshes.gmsh_file import RIDGES, GmshFile
 from ruptfx.bodies.meshes.half_plate import HalfPlate
 from ruptfx.bodies.meshes.two_plates import TwoPlates
 from ruptfx.bodies.space.bodies import distribute, named_facets, tied_facets
@@ -269,6 +269,70 @@ def test_second_order_cells_follow_an_arc(own: int, tmp_path: Path) -> None:
             radial = face.points / np.linalg.norm(face.points, axis=1, keepdims=True)
             np.testing.assert_allclose(np.linalg.norm(face.points, axis=1), 10e-3, rtol=1e-4)
             np.testing.assert_allclose(face.frame[:, 0], radial, atol=5e-3)  # from the inner to the outer body
+
+
+# The same ring as a solid, 5 mm along z.
+RING_IN_SOLIDS = """
+{ring}
+e[] = Extrude {{0, 0, 5}} {{ Surface{{1}}; Layers{{2}}; Recombine; }};
+f[] = Extrude {{0, 0, 5}} {{ Surface{{2}}; Layers{{2}}; Recombine; }};
+Physical Volume("inner") = {{e[1]}}; Physical Volume("outer") = {{f[1]}}; Physical Surface("main") = {{e[3], f[5]}};
+"""
+
+
+def with_own_nodes(path: Path, script: Path, away: float) -> None:
+    """Write the mesh of a script with nodes of their own on the plus side of `main`, 1 + away times as far from z."""
+    import meshio
+
+    with session() as gmsh:
+        gmsh.open(str(script))
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path))
+    mesh = meshio.gmsh.read(path)
+    groups = {name: number for name, (number, _) in mesh.field_data.items()}
+    tags = mesh.cell_data["gmsh:physical"]
+    facets = np.concatenate([block.data for block, tag in zip(mesh.cells, tags, strict=True) if block.dim == 2])
+    own = np.unique(facets)
+    copy = np.arange(len(mesh.points))
+    copy[own] = len(copy) + np.arange(len(own))
+    cells = [(block.type, copy[block.data] if tag[0] == groups["outer"] else block.data)
+             for block, tag in zip(mesh.cells, tags, strict=True) if block.dim == 3]  # fmt: skip
+    cells += [("quad9", facets), ("quad9", copy[facets])]
+    numbers = [*(tag for block, tag in zip(mesh.cells, tags, strict=True) if block.dim == 3),
+               *[np.full(len(facets), groups["main"])] * 2]  # fmt: skip
+    points = np.concatenate([mesh.points, mesh.points[own] * [1 + away, 1 + away, 1]])
+    data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
+    whole = meshio.Mesh(points, cells, cell_data=data, field_data=mesh.field_data)
+    meshio.write(path, whole, file_format="gmsh22", binary=False)
+
+
+@pytest.mark.parametrize("order, own", [(1, 0), (2, 0), (2, 1)])
+def test_hexahedra_of_27_nodes_follow_a_cylinder(order: int, own: int, tmp_path: Path) -> None:
+    """Chords and parabolas as in the plane, with shared nodes and with own ones 0.9e-4 of a facet apart."""
+    pytest.importorskip("gmsh")
+    path = tmp_path / "ring.geo"
+    path.write_text(RING_IN_SOLIDS.format(ring=RING[: RING.index("Physical")].format(order=order, own=0)))
+    if own:
+        with_own_nodes(tmp_path / "ring.msh", path, 0.9e-4 * 2.5 / 10)
+    sides = {"main": {"plus": "outer", "minus": "inner"}}
+    file = path.with_suffix(".msh" if own else ".geo")
+    mesh = GmshFile.model_validate({"file": str(file), "interfaces": sides, "scale": 1e-3})
+    raw = mesh.build()
+    assert raw.order == order and raw.cells.shape == (32, 8 if order == 1 else 27)
+    assert len(np.unique(raw.cells)) == len(raw.points) == 2 * (4 * order + 1) * (2 * order + 1) ** 2
+    assert len(np.unique(raw.points, axis=0)) == len(raw.points) - (4 * order + 1) * (2 * order + 1)
+    _, face = interface_in(mesh, 2)
+    length = 1.0 if order == 2 else 1 - 0.25**2 / 24
+    np.testing.assert_allclose(face.weight.sum(), 10e-3 * length * 5e-3, rtol=1e-4)
+    if order == 2:
+        for place, vertices in enumerate(
+            (*RIDGES, *FACETS["hexahedron"], tuple(range(8))), 8
+        ):  # up to 0.1 mm off chords
+            middle = raw.points[raw.cells[:, vertices]].mean(axis=1)
+            np.testing.assert_allclose(raw.points[raw.cells[:, place]], middle, atol=0.15e-3)
+        radial = face.points * [1, 1, 0] / np.linalg.norm(face.points[:, :2], axis=1, keepdims=True)
+        np.testing.assert_allclose(np.linalg.norm(face.points[:, :2], axis=1), 10e-3, rtol=1e-4 if own else 1e-12)
+        np.testing.assert_allclose(face.frame[:, 0], radial, atol=5e-3)  # from the inner to the outer body
 
 
 def test_a_chamfered_block() -> None:

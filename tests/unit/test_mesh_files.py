@@ -559,6 +559,21 @@ def test_a_rim_inside_the_body_is_welded(dim: int, tmp_path: Path) -> None:
         assert np.all(sign * (np.array(apart) @ slope) > 0)
 
 
+@pytest.mark.parametrize("dim, normal", [(2, [-0.5, 1.0]), (3, [0.0, 1.0, -0.58])])
+def test_the_normal_that_is_proposed_is_accepted(dim: int, normal: list[float], tmp_path: Path) -> None:
+    """The fault rises by 1 over 2 along x, and by 60 degrees over y."""
+    path = write(tmp_path / "a.msh", EMBEDDED[dim])
+    both = {"plus": "rock", "minus": "rock"}
+    with pytest.raises(RuptfxError, match=facts(r"'fault': .*rock .*normal = \[")) as refused:
+        build(path, {"fault": both})
+    proposal = tomllib.loads(str(refused.value)[str(refused.value).index("normal = [") :])["normal"]
+    assert proposal == normal
+    assert len(build(path, {"fault": both | {"normal": proposal}}).interfaces["fault"][0])
+    with pytest.raises(RuptfxError, match=facts(r"'fault' at .* normal = \[.*normal = \[")) as refused:
+        build(path, {"fault": both | {"normal": [[1.0, 0.5], [1.0, 0.0, 0.0]][dim - 2]}})
+    assert f"normal = {normal}" in str(refused.value)
+
+
 def without_a_facet(path: Path) -> Path:
     """Leave out the line of a mesh in MSH 2.2 that lies between x = 10 and 12 mm of the interface."""
     lines = path.read_text().split("\n")

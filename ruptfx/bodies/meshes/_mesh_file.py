@@ -27,13 +27,17 @@ if TYPE_CHECKING:
 
 # meshio name, DOLFINx name, nodes in DOLFINx order, facet name
 _CELLS = [
+    ("hexahedron27", "hexahedron", [0, 1, 3, 2, 4, 5, 7, 6, 8, 11, 16, 9, 17, 10, 19, 18, 12, 15, 13, 14,
+                                    24, 22, 20, 21, 23, 25, 26], "quad9"),
     ("hexahedron", "hexahedron", [0, 1, 3, 2, 4, 5, 7, 6], "quad"),
     ("tetra", "tetrahedron", [0, 1, 2, 3], "triangle"),
     ("quad9", "quadrilateral", [0, 1, 3, 2, 4, 7, 5, 6, 8], "line3"),
     ("quad", "quadrilateral", [0, 1, 3, 2], "line"),
     ("triangle", "triangle", [0, 1, 2], "line"),
-]
-_DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
+]  # fmt: skip
+_DIMENSION = {
+    "hexahedron27": 3, "hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1
+}  # fmt: skip
 _BY_GMSH = {".geo", ".med", ".unv"}  # formats whose groups meshio does not return; .msh where meshio fails
 _OF_GMSH = re.compile(rb"\s*\$(?!MeshFormat\s+2)")  # begin of mesh files that Gmsh may read where meshio fails: not 2.2
 _REFERENCES = {".xdmf": rb"([^\s<>\"]+\.h5):", ".inp": rb"(?im)^\*include\b.*?=[ \t]*([^\s,]+)"}  # names of other files
@@ -117,9 +121,9 @@ def read(path: Path, trust: bool, sides: Mapping[str, list[str]], names: Mapping
     known = [entry for entry in _CELLS if entry[0] in kinds]
     if not known:
         raise RuptfxError(
-            f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra, and no quadrilaterals of nine "
-            f"nodes; it has: {', '.join(sorted(kinds)) or 'no elements'}; write it with elements of first order ("
-            "Mesh.ElementOrder = 1), or quadrilaterals of nine nodes (Mesh.SecondOrderIncomplete = 0)"
+            f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra, and no quadrilaterals of nine or "
+            f"hexahedra of 27 nodes; it has: {', '.join(sorted(kinds)) or 'no elements'}; write it with elements of "
+            "first order (Mesh.ElementOrder = 1), or with all nodes of those (Mesh.SecondOrderIncomplete = 0)"
         )
     type_, cell, order, facet = known[0]
     mixed = "triangle" if cell == "quadrilateral" else "tetra" if cell == "hexahedron" else None

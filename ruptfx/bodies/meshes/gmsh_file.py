@@ -18,6 +18,20 @@ from ruptfx.input.schema import NAME, CasePath, Name, OwnJsonSchema, Part, Unit
 from ruptfx.input.units import Positive
 
 OBLIQUE = 0.1  # least cosine of the angle between the normal of a facet and the one in the case
+RIDGES = [
+    (0, 1),
+    (0, 2),
+    (0, 4),
+    (1, 3),
+    (1, 5),
+    (2, 3),
+    (2, 6),
+    (3, 7),
+    (4, 5),
+    (4, 6),
+    (5, 7),
+    (6, 7),
+]  # of hexahedra
 FLAT = 1e-6  # of the extent: largest range of the third coordinate of a plane mesh
 
 OneOrMore = Annotated[
@@ -75,8 +89,8 @@ class GmshFile(MeshSource):
     interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both.
     Where one ends on another that goes on (a branch), its last node is welded; where two cross, the halves of one need
     two names. An interface may lie inside one body, which is then on both sides, with `normal`.
-    Quadrilaterals of nine nodes (`Mesh.ElementOrder = 2`) follow curved
-    outlines with parabolas.
+    Quadrilaterals of nine nodes and hexahedra of 27 (`Mesh.ElementOrder = 2`) follow curved outlines and surfaces with
+    parabolas.
     """
 
     example: ClassVar[str] = (
@@ -103,13 +117,6 @@ class GmshFile(MeshSource):
         return {"mesh.names": names} if names else {}
 
     def build(self) -> RawMesh:
-        for name, sides in self.interfaces.items():
-            if sides.normal is None and (both := set(sides.plus) & set(sides.minus)):
-                raise RuptfxError(
-                    f"{self.file}: interface '{name}': the body {', '.join(sorted(both))} is on both sides, plus "
-                    f"({', '.join(sides.plus)}) and minus ({', '.join(sides.minus)}); name it in one of them, or, if "
-                    "the interface lies inside of it, say to which side it has its normal, as normal = [0.0, 1.0]"
-                )
         sides_of = {name: [*sides.plus, *sides.minus] for name, sides in self.interfaces.items()}
         read = _mesh_file.read(Path(self.file), self.trust, sides_of, self.names)
         points, cell, cells, bodies, cell_body, named, middle = read
@@ -167,6 +174,12 @@ class GmshFile(MeshSource):
         may_be[0, [raw.bodies.index(body) for body in sides.plus]] = 1
         may_be[1, [raw.bodies.index(body) for body in sides.minus]] = 1
         side = may_be[0, body] - may_be[1, body]
+        if sides.normal is None and (both := set(sides.plus) & set(sides.minus)):
+            raise RuptfxError(
+                f"{self.file}: interface '{name}': the body {', '.join(sorted(both))} is on both sides, plus "
+                f"({', '.join(sides.plus)}) and minus ({', '.join(sides.minus)}); name it in one of them, or, if the "
+                f"interface lies inside of it, say to which side it has its normal, {_proposed(raw.points, facets)}"
+            )
         if sides.normal is not None:
             above = self._is_above(raw, name, sides.normal, facets, cells)
             side = np.where(above, may_be[0, body], -may_be[1, body])
@@ -208,17 +221,15 @@ class GmshFile(MeshSource):
             raise RuptfxError(
                 f"{self.file}: mesh.interfaces.{name}.normal = {normal}: must have {dim} components, not all zero"
             )
-        corners = raw.points[facets]
-        along = corners[:, 1] - corners[:, 0]
-        across = np.cross(along, corners[:, 2] - corners[:, 0]) if dim == 3 else along @ np.array([[0, 1], [-1, 0]])
+        corners, across = raw.points[facets], _normals(raw.points, facets)
         cosine = across @ np.array(normal) / (np.linalg.norm(across, axis=1) * np.linalg.norm(normal))
         if np.any(np.abs(cosine) < OBLIQUE):
             bad = int(np.argmin(np.abs(cosine)))
             direction = ", ".join(f"{x:.3g}" for x in across[bad] / np.linalg.norm(across[bad]))
             raise RuptfxError(
                 f"{self.file}: interface '{name}' at {_place(raw, facets[bad])} has the normal ({direction}) or its "
-                f"opposite, at a right angle to mesh.interfaces.{name}.normal = {normal}; choose another direction, or "
-                "name the part with it as an interface of its own"
+                f"opposite, at a right angle to mesh.interfaces.{name}.normal = {normal}; choose another one, "
+                f"{_proposed(raw.points, facets)}, or name the part with it as an interface of its own"
             )
         toward = raw.points[raw.cells[cells]].mean(axis=2) - corners.mean(axis=1)[:, None]
         return np.einsum("fci,fi->fc", toward, across * np.sign(cosine)[:, None]) > 0
@@ -253,30 +264,60 @@ class GmshFile(MeshSource):
         return bool(outside.all())
 
 
+def _normals(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Return a normal of every facet, of either sign, in proportion to its size; shape (facets, dim)."""
+    along = points[facets[:, 1]] - points[facets[:, 0]]
+    if points.shape[1] == 2:
+        return along @ np.array([[0, 1], [-1, 0]])
+    return np.cross(along, points[facets[:, 2]] - points[facets[:, 0]])
+
+
+def _proposed(points: np.ndarray, facets: np.ndarray) -> str:
+    """Return the direction closest to the normals of all facets as text, if it is at a right angle to none."""
+    normals = _normals(points, facets)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    direction = np.linalg.eigh(normals.T @ normals)[1][:, -1]
+    rounded = np.round(direction / direction[np.argmax(np.abs(direction))], 2) + 0.0
+    if np.all(np.abs(normals @ rounded) >= OBLIQUE * np.linalg.norm(rounded)):
+        return f"as normal = {rounded.tolist()}"
+    return "as a direction that is nowhere at a right angle to it"
+
+
 def _curved(raw: RawMesh, middle: np.ndarray) -> RawMesh:
-    """Return second-order cells: with a node on every side, duplicated at cuts, and one inside.
+    """Return second-order cells: with a node on every side, of solids also on every facet, and one inside.
+
+    Nodes on cuts are duplicated; nodes of both sides of an interface that coincide are put at one place.
 
     Parameters
     ----------
-    raw : RawMesh
-        Mesh of the vertices.
-    middle : ndarray, shape (cells, 5, 2)
+    middle : ndarray, shape (cells, 5, 2) or (cells, 19, 3)
         Coordinates of these nodes, in the order of DOLFINx [m].
     """
-    sides = np.sort(raw.cells[:, FACETS[raw.cell]], axis=2).reshape(-1, 2)
-    different, first, number = np.unique(sides, axis=0, return_index=True, return_inverse=True)
-    on_sides = len(raw.points) + number.reshape(-1, 4)
-    inside = len(raw.points) + len(different) + np.arange(len(raw.cells))[:, None]
-    on_side = middle[:, :4].reshape(-1, 2)[first]
-    code = different @ [len(raw.points), 1]
-    for name, pair in raw.interfaces.items():
+    points, cells, number = [raw.points], [raw.cells], 0
+    partner = np.arange(len(raw.points))
+    for name, (plus, minus) in raw.interfaces.items():
         if name not in raw.non_matching:
-            plus, minus = (np.searchsorted(code, np.sort(side, axis=1) @ [len(raw.points), 1]) for side in pair)
-            length = np.linalg.norm(raw.points[pair[0][:, 1]] - raw.points[pair[0][:, 0]], axis=1)
-            same = np.linalg.norm(on_side[plus] - on_side[minus], axis=1) <= COINCIDENT * length
-            on_side[minus[same]] = on_side[plus[same]]
-    points = np.concatenate([raw.points, on_side, middle[:, 4]])
-    return replace(raw, points=points, cells=np.concatenate([raw.cells, on_sides, inside], axis=1), order=2)
+            partner[minus] = plus
+    for entities in (*((RIDGES,) if raw.cell == "hexahedron" else ()), FACETS[raw.cell]):
+        keys = np.sort(raw.cells[:, entities], axis=2).reshape(-1, len(entities[0]))
+        different, first, own = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        places = middle[:, number : number + len(entities)].reshape(len(keys), -1)[first]
+        minus = np.flatnonzero((partner[different] != different).any(axis=1))
+        _, place = np.unique(np.concatenate([different, np.sort(partner[different[minus]], axis=1)]), axis=0,
+                             return_inverse=True)  # fmt: skip
+        plus = np.full(place.max(initial=0) + 1, -1)
+        plus[place.ravel()[: len(different)]] = np.arange(len(different))
+        plus = plus[place.ravel()[len(different) :]]
+        length = np.linalg.norm(np.diff(raw.points[different[minus][:, :2]], axis=1)[:, 0], axis=1)
+        same = (plus >= 0) & (np.linalg.norm(places[plus] - places[minus], axis=1) <= COINCIDENT * length)
+        places[minus[same]] = places[plus[same]]
+        cells.append(sum(map(len, points)) + own.reshape(len(raw.cells), -1))
+        points.append(places)
+        number += len(entities)
+    cells.append(sum(map(len, points)) + np.arange(len(raw.cells))[:, None])
+    return replace(
+        raw, points=np.concatenate([*points, middle[:, number]]), cells=np.concatenate(cells, axis=1), order=2
+    )
 
 
 def _place(raw: RawMesh, facet: np.ndarray) -> str:
