@@ -283,7 +283,7 @@ def test_fields_of_an_interface_have_labels_shorter_than_their_panels(field, rec
 def test_maps_of_a_sliding_contact_state_its_real_area(records):
     """Points touch from -20 to 11.75 of 20 km, half an element beyond the last one: 0.79375 of 40 km x 20 km."""
     axes = plots.contact_maps(records["sliding surface"])
-    assert "6.35e+08 m²" in plots.remarks(axes) and "79.4 %" in plots.remarks(axes)
+    assert "635 km²" in plots.remarks(axes) and "79.4 %" in plots.remarks(axes)
     states = axes[1].collections[0].get_array()
     assert np.bincount(np.ravel(states)).tolist() == [41 * 9, 0, 41 * 64, 41 * 8]
 

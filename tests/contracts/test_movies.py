@@ -22,6 +22,9 @@ from ruptfx.results import movies
 from ruptfx.results.record import Record
 
 TIME, POSITION = synthetic.times(61), synthetic.points(10)
+OF_SURFACES = ("contact",)
+"""Films of surfaces only."""
+OF_LINES = [kind for kind in own_kinds("ruptfx.results.movies") if kind not in OF_SURFACES]
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +34,16 @@ def record(tmp_path_factory):
         yield record
 
 
+@pytest.fixture(scope="module")
+def sliding(tmp_path_factory):
+    path = tmp_path_factory.mktemp("runs") / "surface"
+    with Record(synthetic.write_pressed_run(path, np.linspace(0.0, 8e3, 41))) as record:
+        yield record
+
+
 @pytest.mark.parametrize("what", own_kinds("ruptfx.results.movies"))
-def test_every_film(what, record, tmp_path):
+def test_every_film(what, record, sliding, tmp_path):
+    record = sliding if what in OF_SURFACES else record
     told = []
     count = movies.save(record, what, tmp_path / "film.gif", most=4, told=lambda part, text: told.append(part))
     assert count == len(told) == 4 and told == sorted(told) and told[-1] == pytest.approx(1)
@@ -48,7 +59,7 @@ def test_every_film(what, record, tmp_path):
 
 
 @pytest.mark.parametrize("slides", [False, True])
-@pytest.mark.parametrize("what", own_kinds("ruptfx.results.movies"))
+@pytest.mark.parametrize("what", OF_LINES)
 def test_labels_of_a_frame_keep_apart(what, slides, record, tmp_path, monkeypatch):
     made, new = [], movies.new_figure
     monkeypatch.setattr(movies, "new_figure", lambda *shape, **options: made.append(new(*shape, **options)) or made[0])
@@ -211,10 +222,10 @@ def test_movie_of_a_surface_without_a_grid(tmp_path):
         np.testing.assert_allclose(image[at][away], data.slip_rate_1.values[row][away], atol=1e-6)
 
 
-def test_labels_of_a_frame_of_a_surface_keep_apart(tmp_path, monkeypatch):
+@pytest.mark.parametrize("what, panels", [("slip_rate", 1), ("contact", 2)])
+def test_labels_of_a_frame_of_a_surface_keep_apart(what, panels, sliding, monkeypatch):
     made, new = [], movies.new_figure
     monkeypatch.setattr(movies, "new_figure", lambda *shape, **options: made.append(new(*shape, **options)) or made[0])
-    with Record(synthetic.write_surface_run(tmp_path / "run")) as record:
-        for _ in movies.frames(record, "slip_rate", most=3):
-            assert label_faults(made[0][0]) == []
-    assert len(made) == 1
+    for _ in movies.frames(sliding, what, most=3):
+        assert label_faults(made[0][0]) == []
+    assert len(made) == 1 and made[0][1].shape == (panels, 1)

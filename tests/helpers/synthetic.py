@@ -301,6 +301,27 @@ def write_surface_run(
     return path
 
 
+MIDDLE = 3.1e3, 8.1e3  # m along strike and down dip, of a contact
+
+
+def write_pressed_run(path: Path, radii: Array) -> Path:
+    """Write a run with contact in a disc around `MIDDLE` that has a radius [m] at each record.
+
+    Its inner half sticks, the pressure is that of Hertz up to 9 MPa, and slip has 3 and -4 mm; points that do not touch
+    have slipped 5 m along both tangents.
+    """
+    write_surface_run(path, count=len(radii), slides=True)
+    with h5py.File(path / "interface.h5", "a") as file:
+        away = np.hypot(file["position"][()] - MIDDLE[0], file["dip"][()] - MIDDLE[1])
+        inside = away < radii[:, None]
+        part = np.where(inside, away / np.maximum(radii[:, None], 1.0), 1.0)
+        file["contact"][...] = np.where(inside, np.where(part < 0.5, 1, 2), 0)
+        file["normal_stress"][...] = 9e6 * np.sqrt(1 - part**2)
+        file["slip_1"][...] = np.where(inside, 3e-3, 5.0)
+        file["slip_2"][...] = np.where(inside, -4e-3, 5.0)
+    return path
+
+
 def _write_surface(
     path: Path, time: Array, speed: float, structured: bool, name: str = "main", length: float = 1.0,
     begin: float = 0.0, slip_rate: float = 1.0, slides: bool = False,

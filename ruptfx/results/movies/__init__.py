@@ -1,6 +1,6 @@
 """Movies of a run, from its record: a picture of the bodies, and below it the slip rate along the interface.
 
-In three dimensions they show the slip rate on a surface.
+In three dimensions they show the slip rate or the contact on a surface.
 
 Every kind of movie is one file of this folder, found by its name, or a module that a package offers as entry point,
 group ``ruptfx.movies``: its function of the same name makes a `Film` of a
@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,6 +65,9 @@ class Film:
         Aspect of the axes; "equal" for a picture of the bodies.
     remark : str
         Remark below the picture.
+    below : callable, Axes -> callable, optional
+        Draw a panel below the picture, and return the function that updates it to a time [s]. Default: the slip rate
+        along a line.
     """
 
     times: Array
@@ -77,6 +81,7 @@ class Film:
     move: Callable[[Axes, int], None] = lambda axes, frame: None
     aspect: str = "equal"
     remark: str = ""
+    below: Callable[[Axes], Callable[[float], None]] | None = None
 
 
 def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any) -> Film:
@@ -122,8 +127,8 @@ def in_two_dimensions(record: Record) -> None:
     """
     if record.case.get("plane") == "solid":
         raise RuptfxError(
-            f"{record.path}: solids cannot be drawn as a movie; take --what slip_rate for the surface, or "
-            "ruptfx export --format vtkhdf for ParaView"
+            f"{record.path}: solids cannot be drawn as a movie; take --what slip_rate for the surface, --what "
+            "contact if it slides far, or ruptfx export --format vtkhdf for ParaView"
         )
 
 
@@ -211,10 +216,13 @@ def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Arra
     chosen: Array = np.unique(np.linspace(0, len(scene.times) - 1, most).astype(int))
     look = dict(scene.look)
     extend = look.pop("extend", "neither")
-    slips = has_slip_rates(record)
+    below = scene.below
+    if below is None and has_slip_rates(record):
+        below = partial(_profile, record, scene)
+    panels = 1 + (below is not None)
     wide, high = scene.extent[1] - scene.extent[0], scene.extent[3] - scene.extent[2]
     tall = float(np.clip(6.1 * abs(high) / wide, 1.2, 5.5)) if scene.aspect == "equal" else 2.6
-    figure, axes = new_figure(1 + slips, 1, tall + 0.9 + 1.5 * slips, height_ratios=[tall, 1.3][: 1 + slips])
+    figure, axes = new_figure(panels, 1, tall + 1.5 * panels - 0.6, height_ratios=[tall, 1.3][:panels])
     picture = axes[0, 0]
     picture.set_facecolor("#dbe4ec")  # pixels without a value differ from every colour of the map
     shown = picture.imshow(
@@ -224,7 +232,7 @@ def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Arra
     picture.set(xlabel=scene.x_label, ylabel=scene.y_label)
     scene.draw(picture)
     figure.colorbar(shown, ax=picture, label=scene.label, extend=extend, pad=0.02, aspect=15, shrink=0.9)
-    profile = _profile(record, axes[1, 0], scene) if slips else None
+    update = None if below is None else below(axes[1, 0])
     remark(figure, scene.remark)
     canvas = FigureCanvasAgg(figure)
     figure.set_dpi(RESOLUTION)
@@ -234,15 +242,15 @@ def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Arra
         shown.set_data(scene.image(int(row)))
         scene.move(picture, int(row))
         stamp.set_text(f"{scene.times[row] / t_size:6.2f} {t_unit}")
-        if profile is not None:
-            profile(float(scene.times[row]))
+        if update is not None:
+            update(float(scene.times[row]))
         canvas.draw()
         figure.set_layout_engine("none")  # axes must not move between frames
         pixels = np.asarray(canvas.buffer_rgba())[..., :3]
         yield float(scene.times[row]), pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy()
 
 
-def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]:
+def _profile(record: Record, scene: Film, axes: Axes) -> Callable[[float], None]:
     """Draw the slip rate along `record.interface`; return the function that updates it to a time [s]."""
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)

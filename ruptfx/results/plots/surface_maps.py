@@ -53,6 +53,12 @@ def size_of(data: Data) -> tuple[float, float]:
     return max(float(np.ptp(data["position"].values)), 1e-300), float(np.ptp(data["dip"].values))
 
 
+def ends_of(data: Data) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ends of a surface along strike and down dip [m]."""
+    strike, dip = data["position"].values, data["dip"].values
+    return (float(strike.min()), float(strike.max())), (float(dip.min()), float(dip.max()))
+
+
 def height_in_line(surfaces: Iterable[Data]) -> float:
     """Return the height of maps that fill a line side by side, at one scale [inch]."""
     sizes = [size_of(data) for data in surfaces]
