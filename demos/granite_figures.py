@@ -19,7 +19,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ruptfx import Record, read_case, simulate
+from ruptfx import Record, RuptfxError, read_case, simulate
 from ruptfx.app.script import begin, save
 from ruptfx.many_runs.study import read_csv
 from ruptfx.results.analysis.compression import MODES, emission_of, loading
@@ -34,13 +34,15 @@ MINERALS = {"b": "biotite", "f": "feldspar", "q": "quartz"}
 WINDOWS = (0.0, 0.5845e-3, 1.5e-3, 2.5e-3)  # displacement of both platens [m]
 SPEED = 0.25  # m/s, of both platens
 begin(OUT)
-OUT.mkdir(parents=True, exist_ok=True)
 
 
 # %% [markdown]
 # The runs of the first draw of the minerals, by pressure.
 
 # %%
+if not (STUDY / "table.csv").is_file():
+    study = HERE / "granite_confinement.toml"
+    raise RuptfxError(f"{STUDY}/table.csv: missing; first run: ruptfx study {study} --out {STUDY}")
 rows = [row for row in read_csv(STUDY / "table.csv") if row["draw"] == 1]
 records = {row["pressure"]: Record(STUDY / "points" / row["point"] / "run") for row in rows}
 found = {pressure: emission_of(record) for pressure, record in sorted(records.items())}

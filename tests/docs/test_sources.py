@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
+from ruptfx.app import bench
 from ruptfx.app.bench import benchmarks
 from ruptfx.app.cli import app
 from ruptfx.app.reference.sources import Row, files_of, rows_of, sources
@@ -53,6 +57,31 @@ def test_the_page_has_a_table_of_every_document() -> None:
     assert re.findall(r"\{ruptfx-sources\} (\w+)", page) == list(sources())
     for path in (CHECKOUT / "README.md", DOCS / "index.md", DOCS / "gallery" / "index.md"):
         assert re.search(r"\]\((docs/|gallery/)?(gallery/)?sources\.md\)", path.read_text(encoding="utf-8")), path
+
+
+def test_benchmarks_that_a_wheel_lacks_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the second document that is `lumped`, which is in tests/benchmarks; a checkout has it."""
+    monkeypatch.setenv("COLUMNS", "400")
+    run, word = CliRunner().invoke, "--from tests/benchmarks"
+    assert word not in run(app, ["demos", str(tmp_path / "here"), "--source", "001"]).output
+    monkeypatch.setattr(bench, "checkout_folder", lambda: None)
+    (line,) = [
+        line
+        for line in run(app, ["demos", str(tmp_path / "wheel"), "--source", "001"]).output.splitlines()
+        if word in line
+    ]
+    assert line.startswith("bench lumped:")
+
+
+def test_pictures_of_a_study_that_was_not_run_are_refused(tmp_path: Path) -> None:
+    """The command that the message names is that of the row, with the copy of the study that lies beside the script."""
+    script = CHECKOUT / "demos" / "granite_figures.py"
+    result = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 1 and "Traceback" not in result.stderr
+    (row,) = {row.command for row in sources()["block_in_shear"] if script.name in row.command}
+    study = row.partition(" && ")[0].replace("demos/", f"{script.parent}/")
+    assert study in " ".join(result.stderr.split())
+    assert not list(tmp_path.iterdir())  # the study can be written there
 
 
 def test_demos_of_a_document_are_found_with_all_files_they_need() -> None:

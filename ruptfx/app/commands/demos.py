@@ -11,6 +11,7 @@ from rich.table import Table
 
 import ruptfx
 from ruptfx import RuptfxError
+from ruptfx.app.bench import IN_A_CHECKOUT, benchmarks
 from ruptfx.app.commands._shared import reported, screen, table_console, writing
 from ruptfx.app.commands.new import SCHEMA_LINE, write_schema
 from ruptfx.app.reference.sources import files_of, rows_of
@@ -58,6 +59,9 @@ def demos(
             for row in rows_of(source):
                 table.add_row(row.what, row.command.replace("demos/", f"{out}/") or "-")
             table_console().print(table)
+            names = {row.command.split()[2] for row in rows_of(source) if row.command.startswith("ruptfx bench ")}
+            if elsewhere := ", ".join(sorted(names - benchmarks().keys())):
+                screen.print(f"bench {elsewhere}: in a checkout of ruptfx: --from {IN_A_CHECKOUT}", soft_wrap=True)
             return
         shown = f"jupyter lab {out / 'shear_impact.ipynb'}" if notebooks else f"ruptfx check {out / 'impact.toml'}"
         screen.print(f"{out}: try  {shown}", soft_wrap=True)
