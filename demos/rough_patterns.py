@@ -4,9 +4,9 @@
 # Two bodies of different materials are pressed and sheared; then a part of the interface loses its friction. Between
 # smooth bodies the fronts to the two sides differ; waves of the surfaces can decouple the bodies, so that both sides
 # look alike. Patterns: smooth, waves in phase (the surfaces fit into each other), waves in opposition, one wavy
-# surface. Wavelength, amplitude and length of the nucleation vary, which Di Bartolomeo et al. (ESDA2010-25247) leave to
-# further work. Their Table 1 prints wave speeds that belong to a Poisson ratio of 0.31, not to the printed 0.25: both
-# run.
+# surface. Wavelength, amplitude and length of the nucleation vary. Di Bartolomeo et al. (ESDA2010-25247) varied them,
+# show two runs, and leave a detailed study to further work. Their Table 1 prints wave speeds that belong to a Poisson
+# ratio of 0.31, not to the printed 0.25: both run.
 #
 # Measure: slip of closed points after the nucleation, to the right less that to the left, over their sum; zero where
 # both sides are alike.

@@ -61,6 +61,7 @@ for name, each in heights.items():
         f"pushed at {name} mm: static coefficient": each.slides[0].force / each.load,
         f"pushed at {name} mm: first length l_0": (each.precursors[0].reach, "m"),
         f"pushed at {name} mm: longest event over L, first half of the time": max(half) / each.length,
+        f"pushed at {name} mm: least area beyond the asperity": EdgeAsperity.of(each.position, each.at_force()).least,
     }
 numbers["whole slides, pushed at 2.1 mm"] = len(base.slides)
 save_numbers(out, numbers)

@@ -43,14 +43,20 @@ for name, data in (("soft", soft), ("stiff", stiff)):
 
 numbers = {}
 for name, data in (("soft", soft), ("stiff", stiff)):
-    reach = data.event_reach.values.astype(int)[data.event_blocks.values > 2]
+    whole, counted = np.flatnonzero(data.event_large.values), data.event_blocks.values > 2
+    reach = data.event_reach.values.astype(int)[counted]
     until = int(np.argmax(reach == data.sizes["block"])) + 1
-    numbers[f"{name} interface: last blocks of events of 3 blocks or more, until one is the last of all"] = ", ".join(
-        map(str, reach[:until])
-    )
+    before = [int(each.sum()) for each in np.split(counted, whole + 1)[: len(whole)]]
+    numbers |= {
+        f"{name} interface: last blocks of events of 3 blocks or more, until one is the last of all": ", ".join(
+            map(str, reach[:until])
+        ),
+        f"{name} interface: events of 3 blocks or more before each slide": ", ".join(str(n - 1) for n in before),
+        f"{name} interface: speed of the first slide over that of its fronts": float(data.chaining),
+    }
 
 # %% [markdown]
-# The soft interface has slow fronts: blocks that detach one by one, hundreds of times slower than the fronts within an
+# The soft interface has slow fronts: blocks that detach one by one, a hundred times slower than the fronts within an
 # event, because each waits for the load to come up on it alone. Where such a block is about to let go when a fast
 # front starts from the edge, it starts a front of its own; `figures/fronts.png` shows several of them at once, and
 # together they cover the chain faster than each runs. A stiff interface has neither, and lets go of its stress when it
