@@ -74,8 +74,8 @@ numbers = {"boundary of stability: cells beside the linear analysis": error}
 
 # %% [markdown]
 # With a mass to end the slips, the oscillation can be followed beyond K_c. With the ageing law its amplitude jumps at
-# K_c; with the saturating law it grows from zero with the square root of 1 - K / K_c, as Baumberger and others (2001)
-# measured.
+# K_c; with the saturating law it grows continuously from zero, as Baumberger and others (2001) measured, here with the
+# square root of 1 - K / K_c.
 
 # %%
 ratios = [0.8, 0.9, 0.95, 0.98, 1.02]
