@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -96,14 +97,17 @@ def test_a_small_case(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     pushed = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 10.0, "ramp": 1e-6}
     receiver = INSTRUMENTS[0] | {"interval": 4e-7}
+    grid = {"kind": "receiver_grid", "name": "grid", "interval": 1e-6, "corner": [1e-3, 1e-3],
+            "opposite": [9e-3, 3e-3], "spacing": 1e-3}  # fmt: skip
     weak = {"kind": "linear_slip_weakening", "mu_s": 0.3, "mu_d": 0.1, "D_c": 1e-5}
-    changes = {"duration": 5e-6, "mesh.element_size": 1e-3, "instruments": [receiver], "boundaries": [pushed],
+    changes = {"duration": 5e-6, "mesh.element_size": 1e-3, "instruments": [receiver, grid], "boundaries": [pushed],
                "faults.main.friction": weak}  # fmt: skip
     path = tmp_path / "case.toml"
     path.write_text(tomli_w.dumps(merged(plates(), changes)))
     made = converge(path, tmp_path / "out", cores=1, show=False)
     names = {row.name: row for row in made.rows}
     assert {"max_slip", "energy_kinetic"} <= names.keys() and any(" peak" in name for name in names)
+    assert not any(name.startswith("grid.") for name in names)  # places of more receivers than times are no signals
     assert made.notes == [] and made.spacings == {"mesh": [1.0, 2.0, 4.0]}
     table = json.loads((tmp_path / "out" / "converge.json").read_text())
     assert [each["name"] for each in table["numbers"]] == list(names)
@@ -119,6 +123,29 @@ def test_a_small_case(tmp_path: Path) -> None:
     again = converge(path, tmp_path / "out", cores=1, show=False)
     assert sorted((tmp_path / "out" / "points.log").read_text().splitlines()) == before
     assert [row.bar for row in again.rows] == [row.bar for row in made.rows]
+
+
+@pytest.mark.fem
+def test_bars_of_mesh_and_step_are_added(tmp_path: Path) -> None:
+    """Two levels of each: a bar is three times the change, from the summaries of the three runs."""
+    pytest.importorskip("dolfinx")
+    pytest.importorskip("distributed")
+    pushed = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 10.0, "ramp": 1e-6}
+    path = tmp_path / "case.toml"
+    path.write_text(tomli_w.dumps(plates({"boundaries": [pushed], "stepper.time_step": 2e-8, "duration": 2e-6})))
+    made = converge(path, tmp_path / "out", of=["mesh", "step"], levels=2, cores=1, show=False)
+    assert made.spacings == {"mesh": [1.0, 2.0], "step": [1.0, 2.0]} and made.notes == []
+    runs = {}
+    for each in (tmp_path / "out" / "points").glob("*/run/summary.json"):
+        case = tomllib.loads((each.parent / "case.toml").read_text())
+        runs[case["mesh"]["element_size"], case["stepper"]["time_step"]] = json.loads(each.read_text())[
+            "energy_kinetic"
+        ]
+    value, coarse, long = (runs[at] for at in ((2e-3, 2e-8), (4e-3, 2e-8), (2e-3, 4e-8)))
+    (row,) = (each for each in made.rows if each.name == "energy_kinetic")
+    assert row.by["mesh"].bar == pytest.approx(3 * abs(coarse - value), rel=1e-9) and row.value == value
+    assert row.by["step"].bar == pytest.approx(3 * abs(long - value), rel=1e-9)
+    assert row.bar == pytest.approx(row.by["mesh"].bar + row.by["step"].bar, rel=1e-12)
 
 
 def test_verdicts_of_faults_in_3d_and_of_fracture_have_bars() -> None:

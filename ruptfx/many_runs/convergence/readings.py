@@ -48,12 +48,12 @@ def readings(run: Path, values: Table, plane: str) -> dict[str, Reading]:
     with Files(run, trust=True) as record:  # its plug-ins have just been executed by the run
         for name, data in record.instruments.items():
             for channel in (str(key) for key in data if key != "time"):
-                signal = np.asarray(data[channel].values)
-                if signal.ndim == 1:
-                    of_channel = of_signal(np.asarray(data["time"].values), signal)
-                    units = {"peak": str(data[channel].attrs.get("units", "")), "arrival": "s"}
-                    units["rms"] = units["peak"]
-                    result |= {f"{name}.{channel} {what}": Reading(value, units[what]) for what, value in of_channel}
+                if data[channel].dims != ("time",):  # a grid of receivers: its fields, and its places
+                    continue
+                of_channel = of_signal(np.asarray(data["time"].values), np.asarray(data[channel].values))
+                units = {"peak": str(data[channel].attrs.get("units", "")), "arrival": "s"}
+                units["rms"] = units["peak"]
+                result |= {f"{name}.{channel} {what}": Reading(value, units[what]) for what, value in of_channel}
     return result
 
 
