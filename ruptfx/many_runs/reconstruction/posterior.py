@@ -220,7 +220,8 @@ class Posterior:
     def _solved(self, right: Floats) -> Floats:
         from scipy.linalg import cho_solve
 
-        return np.asarray(cho_solve((self.factor, True), right, check_finite=False))
+        # The transpose is in the order of LAPACK: without it every solution would copy the factor.
+        return np.asarray(cho_solve((self.factor.T, False), right, check_finite=False))
 
     def solution(self, values: Floats) -> Floats:
         """Return the mean of the coefficients and further unknowns for other values of the data, shape (data,)."""
@@ -249,20 +250,23 @@ class Posterior:
         variance = prior.deviation(weights) ** 2 - removed if self._in_data else removed
         return np.sqrt(np.maximum(variance, 0.0))
 
-    def samples(self, count: int, seed: int) -> Floats:
-        """Return samples of the coefficients, shape (count, coefficients)."""
+    def spread(self, count: int, seed: int) -> Floats:
+        """Return samples of the coefficients minus their mean, which the data do not change, (count, coefficients)."""
         from scipy.linalg import solve_triangular
 
-        random = np.random.default_rng(seed)
-        start = random.normal(size=(count, self.prior.size + self._columns.shape[1]))
+        random, size = np.random.default_rng(seed), self.prior.size
+        start = random.normal(size=(count, size + self._columns.shape[1]))
         if not self._in_data:
-            spread = solve_triangular(self.factor, start.T, lower=True, trans=1, check_finite=False).T
-            return np.asarray(np.concatenate([self.mean, self.extra]) + spread)[:, : self.prior.size]
+            return np.asarray(
+                solve_triangular(self.factor, start.T, lower=True, trans=1, check_finite=False).T[:, :size]
+            )
         noise = random.normal(size=(count, len(self._rows.values)))
-        weights = self._solved((self._rows.values / self._rows.sigma - self._forward(start) - noise).T).T
-        return np.array([one + self._adjoint(each) for one, each in zip(start, weights, strict=True)])[
-            :, : self.prior.size
-        ]
+        weights = self._solved((self._forward(start) + noise).T).T
+        return np.array([one - self._adjoint(each) for one, each in zip(start, weights, strict=True)])[:, :size]
+
+    def samples(self, count: int, seed: int) -> Floats:
+        """Return samples of the coefficients, shape (count, coefficients)."""
+        return np.asarray(self.mean + self.spread(count, seed))
 
 
 def likeliest(

@@ -86,32 +86,39 @@ def solve(at: Setting, prior: Prior) -> Solution:
     # Slip is the integral of a slip rate that is linear between the knots and zero before the first interval.
     summed = at.twin.slip(np.eye(len(prior.time)))
 
-    def independent(columns: Floats | None = None) -> dict[str, Floats]:
-        made = Posterior(prior, rows, columns)
-        return {"factor": made.factor, "deviation": made.deviation(), "slip_deviation": made.deviation(summed)}
+    def independent(made: Posterior) -> dict[str, Floats]:
+        return {
+            "factor": made.factor, "deviation": made.deviation(), "slip_deviation": made.deviation(summed),
+            "spread": made.spread(settings.samples, settings.seed), "law": made.spread(SAMPLES, settings.seed + 1),
+        }  # fmt: skip
 
     if experiment.unknowns():
         posterior, fit = Posterior(prior, rows), loaded
         for _ in range(PASSES):
             fit = loaded + posterior.fit - (posterior.change if posterior.extra.size else 0.0)
             posterior = Posterior(prior, rows, experiment.columns(experiment.split(fit)))
-        deviations = {"deviation": posterior.deviation(), "slip_deviation": posterior.deviation(summed)}
+        known = independent(posterior)
     else:
-        deviations = at.stored.posterior(prior, rows, independent)
-        posterior = Posterior(prior, rows, factor=deviations["factor"])
-    mean, samples = posterior.mean, posterior.samples(settings.samples, settings.seed)
-    rates = prior.fields(np.vstack([mean, samples]))
-    curves = Curves(at.twin.slip(rates), *at.tractions.of(prior.of_modes(np.vstack([mean, samples]))))
+        known = at.stored.posterior(
+            prior, rows, (settings.samples, settings.seed), lambda: independent(Posterior(prior, rows))
+        )
+        posterior = Posterior(prior, rows, factor=known["factor"])
+    coefficients = np.vstack([posterior.mean, posterior.mean + known["spread"]])
+    rates = prior.fields(coefficients)
+    curves = Curves(at.twin.slip(rates), *at.tractions.of(prior.of_modes(coefficients)))
     begun = time.perf_counter()
-    law = _law(at, prior, posterior, deviations["deviation"], curves)
+    law = _law(at, prior, np.vstack([posterior.mean, posterior.mean + known["law"]]), known["deviation"])
     return Solution(
-        rates[0], deviations["deviation"], deviations["slip_deviation"], rates[1:], curves, posterior.extra,
+        rates[0], known["deviation"], known["slip_deviation"], rates[1:], curves, posterior.extra,
         posterior.extra_deviation, experiment.split(loaded + posterior.fit), law, time.perf_counter() - begun,
     )  # fmt: skip
 
 
-def _law(at: Setting, prior: Prior, posterior: Posterior, deviation: Floats, curves: Curves) -> LawFit | None:
-    """Return the law of the case fitted where the slip rate is known, at positions a correlation length apart."""
+def _law(at: Setting, prior: Prior, samples: Floats, deviation: Floats) -> LawFit | None:
+    """Return the law of the case fitted where the slip rate is known, at positions a correlation length apart.
+
+    Coefficients of the mean and of the samples have the shape (1 + samples, coefficients).
+    """
     twin, order = at.twin, np.argsort(at.twin.position)
     known = 1 - np.mean(deviation**2, axis=0) / np.mean(prior.deviation() ** 2, axis=0)
     if at.settings.positions is not None:
@@ -124,7 +131,6 @@ def _law(at: Setting, prior: Prior, posterior: Posterior, deviation: Floats, cur
     if not points:
         return None
     index = np.array(sorted(points))
-    samples = np.vstack([posterior.mean, posterior.samples(SAMPLES, at.settings.seed + 1)])
     rates = Prior(prior.space[index], prior.time).fields(samples)
     shear, normal = at.tractions.of(prior.of_modes(samples), index)
     width = max(1, round(0.5 * at.lengths["time"] / twin.knots.interval))

@@ -85,12 +85,23 @@ class Responses:
         parallel.on_root(comm, lambda: _write(path, result))
         return result
 
-    def posterior(self, prior: Prior, rows: Rows, compute: Callable[[], dict[str, Floats]]) -> dict[str, Floats]:
-        """Return what does not depend on the data from a file, else compute and write it; on one rank."""
+    def posterior(
+        self, prior: Prior, rows: Rows, samples: tuple[int, int], compute: Callable[[], dict[str, Floats]]
+    ) -> dict[str, Floats]:
+        """Return what does not depend on the data from a file, else compute and write it; on one rank.
+
+        Parameters
+        ----------
+        prior : Prior
+        rows : Rows
+        samples : (int, int)
+            Number and seed.
+        compute : callable
+        """
         if self._folder is None or min(len(rows.values), prior.size) > LARGEST:
             return compute()
         parts = (prior.space, prior.time, rows.kernels, rows.kernel, rows.lag, rows.sigma)
-        path = self._folder / f"{seal({'posterior': [_checksum(each) for each in parts]})}.h5"
+        path = self._folder / f"{seal({'posterior': [_checksum(each) for each in parts], 'samples': samples})}.h5"
         known = _read(path, 0)
         if known is None:
             known = compute()
@@ -99,7 +110,7 @@ class Responses:
 
 
 def _checksum(values: NDArray[np.float64] | NDArray[np.int64]) -> str:
-    return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+    return hashlib.sha256(np.ascontiguousarray(values).data).hexdigest()  # without a copy
 
 
 def _read(path: Path | None, steps: int) -> dict[str, Floats] | None:
