@@ -377,6 +377,7 @@ COMMANDS = (
     Command("sensitivity.py", {"sensitivity": "sensitivity"}),
     Command("infer_antiplane.py", {"infer_antiplane": "infer_antiplane"}),
     Command("infer_gauges.py", {"infer_gauges": "infer_gauges", "infer_tradeoffs": "tradeoffs"}),
+    Command("reconstruct.py", {"reconstruct": "reconstruct_demo/reconstruct"}),
     Command("optical_methods.py", {"optical_methods": "optics"}),
     Command("rough_rupture.py", {"rough_rupture": "arrivals"}),
     Command("rough_rupture.py small", {"rough_rupture_small": "arrivals"}),

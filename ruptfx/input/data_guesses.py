@@ -6,7 +6,7 @@ A guess is a proposal that the user checks: units of files count, guesses fill w
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,40 +90,73 @@ def _time_unit(values: np.ndarray) -> str:
     return "us" if spacing <= 100 and last < 1e5 and float(values[0]).is_integer() else "ms"
 
 
-def proposal(variables: Sequence[Variable], instrument: str = "NAME") -> list[str]:
-    """Return lines of TOML that map the arrays to channels of an instrument; comments say what is a guess.
+def proposal(variables: Sequence[Variable], instrument: str | None = None, file: str = "") -> list[str]:
+    """Return lines of TOML that map the arrays to channels of instruments; comments say what is a guess.
 
-    Channels are called by their arrays: the user replaces the names by those of the instrument.
+    Channels are called by their arrays: the user replaces the names by those of the instrument. Without an instrument,
+    arrays that are called `G1 45 deg`, `G1 135 deg`, `G2 45 deg` ... have an entry for each of G1, G2 ...
+
+    Parameters
+    ----------
+    variables : sequence of Variable
+    instrument : str, optional
+        Instrument of all arrays.
+    file : str
+        Name for the entries; without it they have none.
     """
     length = max((each.shape[0] for each in variables), default=0)
     guesses = {each.name: guess(each, length) for each in variables}
+    clock = _clock(variables, guesses)
+    others = ("time", "rate", "positions")
+    signals = [each for each in variables if each.shape[0] == length and guesses[each.name].kind not in others]
+    plain = [(re.sub(r"\W+", "_", each.name.rpartition("/")[2]).strip("_"), each) for each in signals]
+    groups = (_by_instrument(signals) if instrument is None else {}) or {instrument or "NAME": plain}
+    lines = []
+    for name, members in groups.items():
+        noisy = next((each for _, each in members if guesses[each.name].unit), None)
+        sigma = _noise(noisy, guesses[noisy.name].unit) if noisy is not None else ""
+        lines += ["[[objective]]", 'kind = "traces"', f'instrument = "{name}"', *[f'file = "{file}"'] * bool(file)]
+        lines += [sigma or "sigma = 1.0   # replace by the noise, with a unit", clock]
+        for channel, each in members:
+            lines += _mapped(channel, each, guesses[each.name])
+    return lines
+
+
+def _clock(variables: Sequence[Variable], guesses: Mapping[str, Guess]) -> str:
+    """Return the line of the time."""
     times = [name for name, each in guesses.items() if each.kind == "time"]
     times.sort(key=lambda name: TIMES.search(name) is None)
     rates = [each for each in variables if guesses[each.name].kind == "rate"]
-    lines = []
     if times:
         clock = guesses[times[0]]
-        lines.append(f'map.time = {{ variable = "{times[0]}", unit = "{clock.unit}" }}{_mark(clock)}')
-    elif rates:
-        value = float(rates[0].values.ravel()[0])
-        lines.append(f'map.time = {{ rate = "{value:.10g} Hz" }}   # from {rates[0].name}')
-    else:
-        lines.append('map.time = { rate = "1 MHz" }   # no time in the file: give the sampling rate')
-    for each in variables:
-        if each.name in times or each.shape[0] != length or guesses[each.name].kind in ("rate", "positions"):
-            continue
-        known, last = guesses[each.name], re.sub(r"\W+", "_", each.name.rpartition("/")[2]).strip("_")
-        width = each.shape[1] if len(each.shape) == 2 else 1
-        for column in range(1, width + 1):
-            where = f", column = {column}" if width > 1 else ""
-            unit = f', unit = "{known.unit or "?"}"' if known.is_guess or not known.unit else ""
-            channel = f"{last}_{column}" if width > 1 else last
-            mark = _mark(known) if known.unit else "   # unit not known: replace ?"
-            lines.append(f'map.{channel} = {{ variable = "{each.name}"{where}{unit}, sign = 1 }}{mark}')
-    signals = [each for each in variables if each.shape[0] == length and guesses[each.name].kind not in ("time", "")]
-    sigma = _noise(signals[0], guesses[signals[0].name].unit) if signals else ""
-    sigma = sigma or "sigma = 1.0   # replace by the noise, with a unit"
-    return ["[[objective]]", 'kind = "traces"', f'instrument = "{instrument}"', sigma, *lines]
+        return f'map.time = {{ variable = "{times[0]}", unit = "{clock.unit}" }}{_mark(clock)}'
+    if rates:
+        return f'map.time = {{ rate = "{float(rates[0].values.ravel()[0]):.10g} Hz" }}   # from {rates[0].name}'
+    return 'map.time = { rate = "1 MHz" }   # no time in the file: give the sampling rate'
+
+
+def _by_instrument(signals: Sequence[Variable]) -> dict[str, list[tuple[str, Variable]]]:
+    """Return channels and arrays by instrument if names are `G1 45 deg`, and all instruments have the same channels."""
+    groups: dict[str, list[tuple[str, Variable]]] = {}
+    for each in signals:
+        parts = re.fullmatch(r"(\w+)[. ](\S.*)", each.name)
+        if parts is None or len(each.shape) > 1:
+            return {}
+        groups.setdefault(parts[1], []).append((f'"{parts[2]}"', each))
+    channels = {tuple(channel for channel, _ in members) for members in groups.values()}
+    return groups if len(groups) > 1 and len(channels) == 1 else {}
+
+
+def _mapped(channel: str, variable: Variable, known: Guess) -> list[str]:
+    """Return the line of every column of an array."""
+    width = variable.shape[1] if len(variable.shape) == 2 else 1
+    unit = f', unit = "{known.unit or "?"}"' if known.is_guess or not known.unit else ""
+    mark = _mark(known) if known.unit else "   # unit not known: replace ?"
+    lines = []
+    for column in range(1, width + 1):
+        where, name = (f", column = {column}", f"{channel}_{column}") if width > 1 else ("", channel)
+        lines.append(f'map.{name} = {{ variable = "{variable.name}"{where}{unit}, sign = 1 }}{mark}')
+    return lines
 
 
 def _noise(variable: Variable, unit: str) -> str:

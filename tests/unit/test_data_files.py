@@ -121,6 +121,27 @@ def test_the_proposed_noise_is_the_scatter_between_samples() -> None:
     assert load_toml("\n".join(proposal([Variable("slip", (9,), "m", np.ones(9))])))["objective"][0]["sigma"] == 1.0
 
 
+def test_arrays_of_several_instruments_have_an_entry_each(tmp_path: Path) -> None:
+    """Two gauges of two grids with noise of 2 um/m, in the unit of the file; the case reads the entries as they are."""
+    random, names = np.random.default_rng(1), [f"{gauge} {angle} deg" for gauge in ("G1", "G2") for angle in (0, 90)]
+    noisy = 50 * TIME[:, None] / TIME[-1] + 2 * random.normal(size=(COUNT, 4))
+    np.savetxt(tmp_path / "both.csv", np.column_stack([1e6 * TIME, noisy]), fmt="%.17g", delimiter=",", comments="",
+               header=",".join(["time (us)", *(f"{name} (ue)" for name in names)]))  # fmt: skip
+    entries = load_toml("\n".join(proposal(contents(tmp_path / "both.csv"), file="both.csv")))["objective"]
+    assert [(each["instrument"], list(each["map"])) for each in entries] == [
+        (gauge, ["time", "0 deg", "90 deg"]) for gauge in ("G1", "G2")
+    ]
+    assert all(float(each["sigma"].split()[0]) == pytest.approx(2.0, rel=0.2) for each in entries)
+    gauges = [{**GAUGE, "name": gauge, "angles": [0.0, 90.0]} for gauge in ("G1", "G2")]
+    case = parse_case(merged(plates(), {"instruments": gauges, "objective": entries, "duration": 1e-3}), tmp_path)
+    np.testing.assert_allclose(case.objective[1].measured()[0].values, 1e-6 * noisy[:, 2], rtol=1e-12)
+    # One instrument, and names without a common pattern: one entry.
+    for chosen, count in (("G1", 4), (None, 1)):
+        variables = contents(tmp_path / "both.csv")[: count + 1]
+        (entry,) = load_toml("\n".join(proposal(variables, chosen)))["objective"]
+        assert len(entry["map"]) == 1 + count
+
+
 def test_a_rate_in_place_of_times(tmp_path: Path) -> None:
     path = write(tmp_path / "event.mat")
     columns = {**MAPS[".mat"], "time": Column(rate=50e3, start=-1e-3)}

@@ -104,3 +104,19 @@ def test_stress_barrier_follows_the_equation_of_motion_and_stops(tmp_path, monke
     theory, front = names["found"]["one tip"]
     assert front.stopped == pytest.approx(theory.arrest, abs=1.5e-3)
     assert names["found"]["bilateral"][1].stopped > 45e-3
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_reconstruct_makes_its_data_and_gets_the_interface_back(tmp_path, monkeypatch):
+    """The script itself: its run makes the numbers of the CSV file, and most known slip rates are in the bands."""
+    pytest.importorskip("dolfinx")
+    monkeypatch.chdir(tmp_path)
+    names = runpy.run_path(str(DEMOS / "reconstruct.py"))
+    wanted = np.loadtxt(DEMOS / "reconstruct.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(
+        np.loadtxt(names["OUT"] / "reconstruct.csv", delimiter=",", skiprows=1), wanted, atol=0.05
+    )
+    assert 0.6 < names["within"] < 0.95 and names["off"] < 0.15
+    assert names["made"].law.interval("mu_s")[1] > 0.6 and names["made"].law.interval("D_c")[1] < 5e-6
+    assert (names["OUT"] / "reconstruct.png").exists()

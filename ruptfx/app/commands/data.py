@@ -20,9 +20,14 @@ def data(
     file: Annotated[
         Path, typer.Argument(help="CSV, NetCDF, HDF5 or MATLAB file, or a folder with one file per event.")
     ],
-    instrument: Annotated[str, typer.Option(help="Instrument of the case, for the proposed mapping.")] = "NAME",
+    instrument: Annotated[
+        str | None,
+        typer.Option(
+            help="Instrument of the case that all arrays belong to; default is the first word of their names."
+        ),
+    ] = None,
 ) -> None:
-    """Print what is in a data file, and propose the mapping with which compare, infer and gradient read it.
+    """Print what is in a data file, and propose the mapping with which compare, infer and reconstruct read it.
 
     Example: ruptfx data event_12.mat --instrument G1
     """
@@ -56,9 +61,7 @@ def data(
             )
         table_console().print(table)
         screen.print("\nProposed mapping, ? is a guess; rename channels to those of the instrument:\n", soft_wrap=True)
-        lines = proposal(variables, instrument)
-        name = files[0].as_posix().replace("\\", "/")
-        for line in [*lines[:3], f'file = "{name}"', *lines[3:]]:
+        for line in proposal(variables, instrument, files[0].as_posix().replace("\\", "/")):
             screen.print(line, markup=False, highlight=False, soft_wrap=True)
 
 

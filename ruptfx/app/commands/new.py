@@ -70,7 +70,7 @@ def new(
             raise RuptfxError(f"--from {from_}: {nearest(from_, known)}")
         source = DEMOS / f"{from_}.toml"
         case = name if name.suffix == ".toml" else Path(f"{name}.toml")
-        files = [DEMOS / file for file in re.findall(r'^file = "([^"]+)"', source.read_text(), re.MULTILINE)]
+        files = [DEMOS / file for file in dict.fromkeys(re.findall(r'\bfile = "([^"]+)"', source.read_text()))]
         items = [path for path in (case, *(case.parent / file.name for file in files)) if os.path.lexists(path)]
         if items:
             raise RuptfxError(f"{items[0]}: exists already; choose another name, or remove it")
