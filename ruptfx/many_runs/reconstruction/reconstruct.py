@@ -25,6 +25,8 @@ from ruptfx.readings.misfits import Sample
 Floats = NDArray[np.float64]
 PASSES = 3
 """Solutions with clocks and gains linearised about the fit of the one before."""
+FIELDS = ("slip_rate", "shear_traction", "normal_stress")
+"""Fields whose samples minus their mean are stored: the data do not change them."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +89,14 @@ def solve(at: Setting, prior: Prior) -> Solution:
     summed = at.twin.slip(np.eye(len(prior.time)))
 
     def independent(made: Posterior) -> dict[str, Floats]:
-        return {
-            "factor": made.factor, "deviation": made.deviation(), "slip_deviation": made.deviation(summed),
-            "spread": made.spread(settings.samples, settings.seed), "law": made.spread(SAMPLES, settings.seed + 1),
-        }  # fmt: skip
+        deviation = made.deviation()
+        result = {"factor": made.factor, "deviation": deviation, "slip_deviation": made.deviation(summed)}
+        spread, of_law = made.spread(settings.samples, settings.seed), made.spread(SAMPLES, settings.seed + 1)
+        for name, each, points in (("", spread, slice(None)), ("law_", of_law, _points_of_law(at, prior, deviation))):
+            fields = (Prior(prior.space[points], prior.time).fields(each),
+                      *at.tractions.changes(prior.of_modes(each), points))  # fmt: skip
+            result |= {f"{name}{of}": values for of, values in zip(FIELDS, fields, strict=True)}
+        return result
 
     if experiment.unknowns():
         posterior, fit = Posterior(prior, rows), loaded
@@ -99,44 +105,47 @@ def solve(at: Setting, prior: Prior) -> Solution:
             posterior = Posterior(prior, rows, experiment.columns(experiment.split(fit)))
         known = independent(posterior)
     else:
-        known = at.stored.posterior(
-            prior, rows, (settings.samples, settings.seed), lambda: independent(Posterior(prior, rows))
-        )
+        about = {**settings.model_dump(mode="json", include={"samples", "seed", "positions"}), "lengths": at.lengths}
+        known = at.stored.posterior(prior, rows, about, lambda: independent(Posterior(prior, rows)))
         posterior = Posterior(prior, rows, factor=known["factor"])
-    coefficients = np.vstack([posterior.mean, posterior.mean + known["spread"]])
-    rates = prior.fields(coefficients)
-    curves = Curves(at.twin.slip(rates), *at.tractions.of(prior.of_modes(coefficients)))
+    mean = posterior.mean[None]
+    fields = (prior.fields(mean), *at.tractions.of(prior.of_modes(mean)))
+    rates, *tractions = (np.concatenate([each, each + known[name]]) for name, each in zip(FIELDS, fields, strict=True))
     begun = time.perf_counter()
-    law = _law(at, prior, np.vstack([posterior.mean, posterior.mean + known["law"]]), known["deviation"])
+    law = None
+    if len(points := _points_of_law(at, prior, known["deviation"])):
+        histories = [
+            np.concatenate([each, each + known[f"law_{name}"]])
+            for name, each in zip(FIELDS, (values[:, :, points] for values in fields), strict=True)
+        ]
+        law = _law(at, points, histories, known["deviation"])
     return Solution(
-        rates[0], known["deviation"], known["slip_deviation"], rates[1:], curves, posterior.extra,
-        posterior.extra_deviation, experiment.split(loaded + posterior.fit), law, time.perf_counter() - begun,
+        rates[0], known["deviation"], known["slip_deviation"], rates[1:], Curves(at.twin.slip(rates), *tractions),
+        posterior.extra, posterior.extra_deviation, experiment.split(loaded + posterior.fit), law,
+        time.perf_counter() - begun,
     )  # fmt: skip
 
 
-def _law(at: Setting, prior: Prior, samples: Floats, deviation: Floats) -> LawFit | None:
-    """Return the law of the case fitted where the slip rate is known, at positions a correlation length apart.
-
-    Coefficients of the mean and of the samples have the shape (1 + samples, coefficients).
-    """
-    twin, order = at.twin, np.argsort(at.twin.position)
-    known = 1 - np.mean(deviation**2, axis=0) / np.mean(prior.deviation() ** 2, axis=0)
+def _points_of_law(at: Setting, prior: Prior, deviation: Floats) -> NDArray[np.int64]:
+    """Return the points where the law is fitted: those of the case, or known ones a correlation length apart."""
+    position = at.twin.position
     if at.settings.positions is not None:
-        points = {int(np.argmin(np.abs(twin.position - each))) for each in at.settings.positions}
-    else:
-        apart, points = max(at.lengths["length"], np.ptp(twin.position) / POSITIONS), set[int]()
-        for each in order[np.argsort(-known[order], kind="stable")]:
-            if known[each] >= KNOWN and all(abs(twin.position[each] - twin.position[one]) >= apart for one in points):
-                points.add(int(each))
-    if not points:
-        return None
-    index = np.array(sorted(points))
-    rates = Prior(prior.space[index], prior.time).fields(samples)
-    shear, normal = at.tractions.of(prior.of_modes(samples), index)
+        return np.unique([int(np.argmin(np.abs(position - each))) for each in at.settings.positions])
+    known = 1 - np.mean(deviation**2, axis=0) / np.mean(prior.deviation() ** 2, axis=0)
+    apart, points, order = max(at.lengths["length"], np.ptp(position) / POSITIONS), list[int](), np.argsort(position)
+    for each in order[np.argsort(-known[order], kind="stable")]:
+        if known[each] >= KNOWN and all(abs(position[each] - position[one]) >= apart for one in points):
+            points.append(int(each))
+    return np.array(sorted(points), int)
+
+
+def _law(at: Setting, points: NDArray[np.int64], histories: list[Floats], deviation: Floats) -> LawFit | None:
+    """Return the law of the case fitted to slip rate, shear traction and normal stress at some points."""
+    twin, (rates, shear, normal) = at.twin, histories
     width = max(1, round(0.5 * at.lengths["time"] / twin.knots.interval))
     made = Histories(
-        index, twin.knots.times, at.towards * rates, at.towards * shear, normal, deviation[:, index],
-        (twin.normal_stress[index], np.abs(twin.shear_traction[index])), twin.position[index],
+        points, twin.knots.times, at.towards * rates, at.towards * shear, normal, deviation[:, points],
+        (twin.normal_stress[points], np.abs(twin.shear_traction[points])), twin.position[points],
     )  # fmt: skip
     return fit_law(at.experiment.case, twin.fault.name, made, width)
 

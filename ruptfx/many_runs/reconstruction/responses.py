@@ -86,7 +86,7 @@ class Responses:
         return result
 
     def posterior(
-        self, prior: Prior, rows: Rows, samples: tuple[int, int], compute: Callable[[], dict[str, Floats]]
+        self, prior: Prior, rows: Rows, about: Table, compute: Callable[[], dict[str, Floats]]
     ) -> dict[str, Floats]:
         """Return what does not depend on the data from a file, else compute and write it; on one rank.
 
@@ -94,14 +94,15 @@ class Responses:
         ----------
         prior : Prior
         rows : Rows
-        samples : (int, int)
-            Number and seed.
+        about : Table
+            All else on which it depends, besides the specimen.
         compute : callable
         """
         if self._folder is None or min(len(rows.values), prior.size) > LARGEST:
             return compute()
         parts = (prior.space, prior.time, rows.kernels, rows.kernel, rows.lag, rows.sigma)
-        path = self._folder / f"{seal({'posterior': [_checksum(each) for each in parts], 'samples': samples})}.h5"
+        key = seal({**self._specimen, "posterior": [_checksum(each) for each in parts], "about": about})
+        path = self._folder / f"{key}.h5"
         known = _read(path, 0)
         if known is None:
             known = compute()

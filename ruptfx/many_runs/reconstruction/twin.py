@@ -336,18 +336,23 @@ class Tractions:
         points : ndarray of int or slice
             Points of the interface.
         """
+        shear, normal = self.changes(rates, points)
+        return self.shear_traction[:, points] + shear, self.normal_stress[:, points] + normal
+
+    def changes(self, rates: Floats, points: NDArray[np.int64] | slice = slice(None)) -> tuple[Floats, Floats]:
+        """Return what `of` returns without the tractions of a run without slip: linear in the rates."""
         from scipy import fft
 
         knots = rates.shape[1]
         length = fft.next_fast_len(2 * knots + 1, real=True)
         spectrum = np.moveaxis(fft.rfft(rates, length, axis=1), 0, -1)  # (frequencies, modes, samples)
         results = []
-        for still, kernel in zip((self.shear_traction, self.normal_stress), self.kernels, strict=True):
-            change = np.zeros((1, 1, 1))
-            if np.any(kernel):
-                both = fft.rfft(kernel[:, points], length, axis=0) @ spectrum
-                change = np.moveaxis(fft.irfft(both, length, axis=0)[1 : knots + 1], -1, 0)
-            results.append(still[:, points] + change + np.zeros((len(rates), 1, 1)))
+        for kernel in self.kernels[:, :, points]:
+            if not np.any(kernel):  # normal stress of a plane of symmetry
+                results.append(np.zeros((len(rates), knots, kernel.shape[1])))
+                continue
+            both = fft.rfft(kernel, length, axis=0) @ spectrum
+            results.append(np.moveaxis(fft.irfft(both, length, axis=0)[1 : knots + 1], -1, 0))
         return results[0], results[1]
 
 
