@@ -50,7 +50,7 @@ def test_records_of_surfaces(alone: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2])
+@pytest.mark.parametrize("ranks", [2, 3])
 def test_same_on_any_number_of_ranks(ranks: int, case_file: Path, alone: Path) -> None:
     out = run_on(ranks, case_file, case_file.parent / f"on_{ranks}")
     assert max(largest_difference(alone, out).values()) < 1e-9
