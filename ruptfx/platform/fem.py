@@ -151,6 +151,26 @@ def lagrange(mesh: dolfinx.mesh.Mesh, order: int, components: int) -> dolfinx.fe
     return dolfinx.fem.functionspace(mesh, element)
 
 
+def renumbered(space: dolfinx.fem.FunctionSpace, number: np.ndarray) -> dolfinx.fem.FunctionSpace:
+    """Return a space with other numbers of its nodes; collective.
+
+    Parameters
+    ----------
+    number : ndarray of int32, shape (nodes,)
+        New local number of every local node; a permutation of the owned nodes, ghosts keep theirs.
+    """
+    old, mesh = space.dofmap.index_map, space.mesh
+    numbers = dolfinx.la.vector(old, 1, dtype=np.int64)
+    numbers.array[:] = number + old.local_range[0]
+    numbers.scatter_forward()  # ghosts: the new numbers of their owners
+    index_map = dolfinx.common.IndexMap(mesh.comm, old.size_local, numbers.array[old.size_local :], old.owners, 1201)
+    cells = dolfinx.graph.adjacencylist(np.ascontiguousarray(number[space.dofmap.list], dtype=np.int32))
+    block = space.dofmap.index_map_bs
+    dofmap = dolfinx.cpp.fem.DofMap(space.dofmap.dof_layout, index_map, block, cells._cpp_object, space.dofmap.bs)
+    made = dolfinx.cpp.fem.FunctionSpace_float64(mesh._cpp_object, space.element._cpp_object, dofmap)
+    return dolfinx.fem.FunctionSpace(mesh, cast("Any", space).ufl_element(), made)
+
+
 def broken_lagrange(mesh: dolfinx.mesh.Mesh, components: int) -> dolfinx.fem.FunctionSpace:
     """Return the Lagrange space of order 1 in which every cell has its own nodes, blocked by components."""
     element = basix.ufl.element("Lagrange", mesh.basix_cell().name, 1, discontinuous=True, shape=(components,))

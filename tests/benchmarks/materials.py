@@ -18,6 +18,7 @@ from ruptfx import Table
 from ruptfx.app.bench import Check
 from ruptfx.bodies.initial_stress.depth import Depth
 from ruptfx.bodies.meshes import MeshSource, RawMesh
+from ruptfx.bodies.space.numbering import in_sweep_order
 from ruptfx.case import Case, read_toml
 from ruptfx.laws.materials.continuum_damage import ContinuumDamage
 from ruptfx.laws.materials.drucker_prager import DruckerPrager
@@ -475,7 +476,7 @@ def _unbalanced(model: Model) -> float:
     stress, ufl, space = model.case.initial_stress, fem.ufl, model.space
     assert isinstance(stress, Depth)
     values = stress.effective(model.coordinates)
-    numbers = fem.lagrange(model.mesh, model.order, 1)
+    numbers = in_sweep_order(fem.lagrange(model.mesh, model.order, 1))
     parts = []
     for column in values.T:
         part = fem.dolfinx.fem.Function(numbers)

@@ -194,6 +194,25 @@ def test_the_parts_of_a_lattice_make_it_up(kind: str, parts: int, tied: str) -> 
         assert {names[i] for i in lattice.side_of(facets)} == {name}
 
 
+def test_parts_of_a_box_are_blocks_with_small_surfaces() -> None:
+    """16 parts of 24 x 12 x 24 elements: 4 by 4 blocks of 6 x 12 x 6, of which an inner one shares 4 x 6 x 12 facets.
+
+    Parts of one column and a half would have 2 x 12 x 24.
+    """
+    lattice = KINDS["box_with_fault"](
+        fault_length=12.0, fault_width=12.0, element_size=1.0, beyond=6.0, distance=6.0, growth=1.0, fault_top=6.0,
+    ).lattice()  # fmt: skip
+    assert (lattice.columns, lattice.nodes(1)) == (24, 25 * 13 * 25)
+    pieces = [lattice.part(number, 16) for number in range(16)]
+    assert {len(piece) for piece in pieces} == {6 * 12 * 6}
+    facets = [{frozenset(cell[list(local)].tolist()) for cell in piece for local in FACETS["hexahedron"]}
+              for piece in pieces]  # fmt: skip
+    between = [sum(len(one & other) for other in facets if other is not one) for one in facets]
+    assert max(between) == 4 * 6 * 12
+    # 2 columns of 24 for each of 12 parts; blocks need 3 rows at least: 8 of them, so 96 parts at most.
+    assert [parts for parts in (12, 16, 24, 96, 97, 192) if lattice.has_parts(parts)] == [12, 16, 24, 96]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_case_with_it_is_at_rest(kind: str) -> None:
     """In a case, every interface pressed and glued, or open where its sides have meshes of their own: nothing moves,

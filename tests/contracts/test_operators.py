@@ -17,8 +17,9 @@ from ruptfx import RuptfxError
 from ruptfx.bodies import operators
 from ruptfx.bodies.meshes.rough_plates import RoughPlate
 from ruptfx.bodies.operators import Bulk, FusedOperator
-from ruptfx.bodies.operators.matrix_free import MatrixFree, _tiles
+from ruptfx.bodies.operators.matrix_free import MatrixFree
 from ruptfx.bodies.operators.ufl_form import UflForm
+from ruptfx.bodies.space import numbering
 from ruptfx.bodies.space.variation import Variation
 from ruptfx.input.schema import kinds, own_module
 from ruptfx.laws.materials import Material
@@ -306,8 +307,9 @@ def test_fused_step_is_the_plain_step(
     kind: str, setting: Setting, scattered: bool, decay: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Several blocks and tiles even on these meshes: nodes move on between blocks.
-    for constant in ("BLOCK_NODES", "BLOCK_NODES_3D", "TILE_NODES"):
-        monkeypatch.setattr(f"ruptfx.bodies.operators.matrix_free.{constant}", 32)
+    monkeypatch.setattr("ruptfx.bodies.operators.matrix_free.BLOCK_NODES", 32)
+    for constant, value in {"BLOCK_NODES_3D": 32, "TILE_NODES": 32, "MOST_LANES": 1}.items():
+        monkeypatch.setattr(numbering, constant, value)
     make_operator(kind, setting)  # skips what the operator refuses
     bulk = make_bulk(setting)
     operator = operators.create(kind, bulk)
@@ -340,7 +342,7 @@ def test_fused_step_is_the_plain_step(
 def test_elements_follow_one_another_tile_by_tile(
     elements: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ruptfx.bodies.operators.matrix_free.TILE_NODES", 200)
+    monkeypatch.setattr(numbering, "TILE_NODES", 200)
     meshes = fem.dolfinx.mesh
     corners = [[0.0, 0.0, 0.0], [0.1 * count for count in elements]]
     mesh = meshes.create_box(fem.MPI.COMM_WORLD, corners, list(elements), meshes.CellType.hexahedron)
@@ -348,7 +350,7 @@ def test_elements_follow_one_another_tile_by_tile(
     bulk = Bulk(space, "solid", [SOFT], np.zeros(len(space.dofmap.list), dtype=np.int32))
     operator = MatrixFree(bulk)
     owned = mesh.topology.index_map(3).size_local
-    tile = _tiles(space, local_size(bulk) // 3)
+    tile = numbering.tiles(space)
     order = operator.batches.ravel()
     assert sorted(np.unique(order)) == list(range(owned))
     if mesh.comm.size == 1:
@@ -358,6 +360,38 @@ def test_elements_follow_one_another_tile_by_tile(
     expected = internal_force(UflForm(bulk), displacement := random_fields(bulk, 1)[0])
     found = internal_force(operator, displacement)
     assert np.abs(found - expected).max(initial=0) <= 1e-12 * np.abs(expected).max(initial=0)
+
+
+@pytest.mark.parametrize("real", [np.float64, np.float32], ids=["double", "single"])
+def test_nodes_that_a_block_completes_are_one_range(real: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numbering, "TILE_NODES", 500)
+    monkeypatch.setattr(numbering, "BLOCK_NODES_3D", 128)
+    meshes = fem.dolfinx.mesh
+    mesh = meshes.create_box(fem.MPI.COMM_WORLD, [[0, 0, 0], [1, 1, 1]], [7, 6, 8], meshes.CellType.hexahedron)
+    plain = fem.lagrange(mesh, 2, 3)
+    space = numbering.in_sweep_order(plain)
+    index_map, shared = space.dofmap.index_map, numbering.shared_nodes(space.dofmap.index_map)
+    assert index_map.size_global == 15 * 13 * 17
+    assert index_map.local_range == plain.dofmap.index_map.local_range
+    operator = MatrixFree(Bulk(space, "solid", [SOFT], np.zeros(len(space.dofmap.list), np.int32), real=np.dtype(real)))
+    size = numbering.batches_of_block(128, 27, operator.batches.shape[1]) * operator.batches.shape[1]
+    assert size == 16
+    groups = [group for group in numbering.sweep_order(space, shared) if len(group)]
+    blocks = [group[at : at + size] for group in groups for at in range(0, len(group), size)]
+    assert len(blocks) >= mesh.topology.index_map(3).size_local // 16
+    done_in = np.full(len(shared), -1)
+    for number, block in enumerate(blocks):
+        done_in[space.dofmap.list[block].ravel()] = number
+    done_in[shared] = -1
+    assert np.all(np.diff(done_in[: index_map.size_local]) >= 0)
+    # The nodes stay where they are: those of a cell, and those of other ranks.
+    was, now = (each.tabulate_dof_coordinates() for each in (plain, space))
+    np.testing.assert_array_equal(now[space.dofmap.list], was[plain.dofmap.list])
+    owner = fem.dolfinx.fem.Function(space)
+    owner.x.array[:] = now.ravel()
+    owner.x.array[3 * index_map.size_local :] = np.nan
+    owner.x.scatter_forward()
+    np.testing.assert_allclose(owner.x.array, now.ravel(), rtol=0, atol=1e-15)
 
 
 def shared_nodes(bulk: Bulk) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ruptfx.bodies.meshes import FACETS, RawMesh
-from ruptfx.bodies.meshes._lattice import affordable
+from ruptfx.bodies.meshes._lattice import FEWEST_ROWS, affordable, split
 from ruptfx.input.profiles import evaluate
 
 
@@ -164,24 +164,36 @@ class Bricks:
             values[chosen] = place
         return values
 
+    @property
+    def _most_blocks(self) -> int:
+        """Largest number of blocks along z."""
+        return max(1, self._rows[1] // FEWEST_ROWS)
+
+    def has_parts(self, parts: int) -> bool:
+        """Return whether every part has two columns at least; fewer are not worth it."""
+        blocks = range(1, min(parts, self._most_blocks) + 1)
+        return any(parts % along == 0 and 2 * (parts // along) <= self.columns for along in blocks)
+
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
         """Return vertices of the cells of one of several parts in tensor order, shape (cells, 8).
 
-        Parts are slabs of whole columns, and so contain both sides of the fault.
+        Parts are blocks in x and z that span the whole width along y, and so contain both sides of the fault.
 
         Parameters
         ----------
         part, parts : int
-            Index of the part and number of parts, at most one per column.
+            Index of the part and number of parts.
         wrapped : bool
             Put the first and the last column into the same part.
         upright : bool
-            Slabs always span the full height.
+            Blocks always span the full height.
         """
-        shift = max(1, self.columns // (2 * parts)) if wrapped else 0
-        slab = (np.arange(self.columns) + shift) % self.columns * parts // self.columns
-        columns = np.flatnonzero(slab == part)
-        i, j, k = (each.ravel() for each in np.meshgrid(columns, *(np.arange(n) for n in self._rows), indexing="ij"))
+        across, along = split(parts, self.columns - wrapped, 1 if upright else self._most_blocks, self._rows[1])
+        shift = max(1, self.columns // (2 * across)) if wrapped else 0
+        slab = (np.arange(self.columns) + shift) % self.columns * across // self.columns
+        columns = np.flatnonzero(slab == part % across)
+        rows = np.flatnonzero(np.arange(self._rows[1]) * along // self._rows[1] == part // across)
+        i, j, k = (each.ravel() for each in np.meshgrid(columns, np.arange(self._rows[0]), rows, indexing="ij"))
         (a, b), (c, d) = self._cut
         values = np.empty((len(i), 8), dtype=np.int64)
         for corner in range(8):

@@ -153,6 +153,10 @@ class Lattice:
         corner = (self._first_vertex[body] + columns[:, None] * height + rows).ravel()
         return np.stack([corner, corner + height, corner + 1, corner + height + 1], axis=1)
 
+    def has_parts(self, parts: int) -> bool:
+        """Return whether every part has two columns at least; fewer are not worth it."""
+        return 2 * parts <= self.columns
+
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
         """Return vertices of the cells of one of several parts, shape (cells, 4).
 
@@ -216,9 +220,13 @@ class Lattice:
 
 
 def split(parts: int, columns: int, most: int, rows: int) -> tuple[int, int]:
-    """Return numbers of blocks along x and y with product `parts` and shortest cuts, at most `most` along y."""
+    """Return numbers of blocks along x and y with product `parts` and shortest cuts, at most `most` along y.
+
+    Blocks of two columns and more are preferred.
+    """
     ways = [(parts // along, along) for along in range(1, min(parts, most) + 1) if parts % along == 0]
-    fits = [(across, along) for across, along in ways if across <= columns]
+    wide = [way for way in ways if 2 * way[0] <= columns]
+    fits = wide or [way for way in ways if way[0] <= columns]
     return min(fits, key=lambda way: (way[0] - 1) * rows + (way[1] - 1) * columns)
 
 

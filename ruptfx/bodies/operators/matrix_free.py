@@ -17,15 +17,14 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.bodies.operators import Bulk, Damped, Inelastic, InsertedSweep, StepPart, nodes_of_sweeps
 from ruptfx.bodies.operators.geometry import AFFINE, BOX, VARYING, geometry_element, is_tensor, numbers, root_of_size
+from ruptfx.bodies.space import numbering
 from ruptfx.laws.materials.stiffness import linear_stiffness
 from ruptfx.platform import fem
 from ruptfx.platform.codegen import native
 from ruptfx.platform.codegen.native import DOUBLE, address
 
-# Nodes computed between updates. Measured: with 2000 the update is slower by half (short contiguous ranges).
+# Nodes computed between updates in 2D. Measured: with 2000 the update is slower by half (short contiguous ranges).
 BLOCK_NODES = 16384
-# In 3D fewer, and the nodes of a tile. Measured with 3 million nodes, order 2 to 6: both have a flat optimum.
-BLOCK_NODES_3D, TILE_NODES = 8192, 50_000
 # If every cell has its own nodes, the range is contiguous: as many nodes as fit into the second-level cache.
 BROKEN_BLOCK_NODES = 3072
 
@@ -78,7 +77,7 @@ class MatrixFree:
         index_map = space.dofmap.index_map
         self._components = space.dofmap.index_map_bs
         self._nodes = index_map.size_local + index_map.num_ghosts
-        self._shared = _shared_nodes(index_map) if shared is None else shared
+        self._shared = numbering.shared_nodes(index_map) if shared is None else shared
         permutation, constants = _reference_cell(bulk)
         self._real = bulk.real
         lanes = files("ruptfx").joinpath("platform/codegen/lanes.c").read_text()
@@ -104,7 +103,7 @@ class MatrixFree:
         self._moduli = bulk.moduli(cells[:1])[0].shape[-1]
         linear_simplex = not (is_tensor(space.mesh) or bulk.large_rotations)
         self._damps = linear_simplex and self._components == space.mesh.topology.dim
-        connected = BLOCK_NODES if space.mesh.topology.dim == 2 else BLOCK_NODES_3D
+        connected = BLOCK_NODES if space.mesh.topology.dim == 2 else numbering.BLOCK_NODES_3D
         self._block_nodes = BROKEN_BLOCK_NODES if bool(space.element.basix_element.discontinuous) else connected
         self._hold_lines(_fetch(space))
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
@@ -170,7 +169,7 @@ class MatrixFree:
             Those of the argument `inelastic` of steps.
         """
         node = self._keep["dof"].reshape(self._batches, self._cell_nodes, -1) // self._components
-        size = max(1, self._block_nodes * 4 // (node.shape[1] * node.shape[2]))
+        size = numbering.batches_of_block(self._block_nodes, *node.shape[1:])
         first = np.unique(np.r_[
             np.arange(0, self._boundary_batches, size), np.arange(self._boundary_batches, self._batches, size),
             self._batches,
@@ -331,18 +330,10 @@ class MatrixFree:
         """Return cells by batch (batch, lane), flags of padding cells, and the number of boundary batches.
 
         Elements at shared nodes come first, so that their force is communicated while the others are computed; within
-        both groups elements follow one another tile by tile, and in a tile the numbering of their nodes, so that
-        vectors are read nearly in order.
+        both groups the order is that of `numbering.sweep_order`, so that vectors are read nearly in order.
         """
-        space = bulk.space
-        owned = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
-        dofmap = space.dofmap.list[:owned]
-        boundary = self._shared[dofmap].any(axis=1)
-        counts = np.ones(owned, dtype=bool) if bulk.only is None else bulk.only[:owned]
-        place, tile = dofmap.min(axis=1), _tiles(space, self._nodes)
         groups, fillers = [], []
-        for group in (np.flatnonzero(boundary & counts), np.flatnonzero(~boundary & counts)):
-            group = group[np.lexsort((place[group], tile[group]))]
+        for group in numbering.sweep_order(bulk.space, self._shared, bulk.only):
             spare = -len(group) % lanes
             groups.append(np.r_[group, group[-1:].repeat(spare)].reshape(-1, lanes))
             fillers.append(np.arange(groups[-1].size).reshape(-1, lanes) >= len(group))
@@ -407,35 +398,6 @@ def _refuse_unknown(bulk: Bulk) -> None:
         raise RuptfxError(f"matrix_free knows large rotations of triangles only, not of a {cell}; {remedy}")
     if limit == 1 and geometry_element(bulk.space.mesh).degree > 1:
         raise RuptfxError(f"matrix_free wants a {cell} with straight edges; {remedy}")
-
-
-def _shared_nodes(index_map: fem.dolfinx.common.IndexMap) -> np.ndarray:
-    """Return True for every local node shared with another rank; collective."""
-    flag = fem.dolfinx.la.vector(index_map, 1)
-    flag.array[:] = 0
-    flag.array[index_map.size_local :] = 1
-    flag.scatter_reverse(fem.dolfinx.la.InsertMode.add)
-    flag.scatter_forward()
-    return flag.array > 0
-
-
-def _tiles(space: fem.dolfinx.fem.FunctionSpace, nodes: int) -> np.ndarray:
-    """Return the number of the tile that each element of this rank is in; all are in one in 2D and at order 1.
-
-    The nodes are numbered front by front. A front of a large 3D mesh does not fit into the second-level cache, so that
-    every vector would be read again with the next front; the nodes of a tile fit. At order 1 a tile would have too few
-    nodes in a row.
-    """
-    mesh = space.mesh
-    dim = mesh.topology.dim
-    owned = mesh.topology.index_map(dim).size_local
-    if dim == 2 or space.element.basix_element.degree == 1 or not owned:
-        return np.zeros(owned, dtype=np.int64)
-    corner = mesh.geometry.x.min(axis=0)
-    edge = (np.prod(np.ptp(mesh.geometry.x, axis=0)) * TILE_NODES / nodes) ** (1 / dim)
-    middle = fem.dolfinx.mesh.compute_midpoints(mesh, dim, np.arange(owned, dtype=np.int32))
-    along = ((middle - corner) / edge).astype(np.int64)
-    return np.ravel_multi_index(tuple(along.T), tuple(along.max(axis=0) + 1))
 
 
 def _fetch(space: fem.dolfinx.fem.FunctionSpace) -> int:

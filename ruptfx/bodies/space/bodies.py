@@ -141,7 +141,7 @@ def distribute(
     """
     lattice = source.lattice()
     ordinary = not sliding and not neighbours
-    if lattice is not None and ordinary and 2 * comm.size <= lattice.columns:  # a few columns are not worth it
+    if lattice is not None and ordinary and lattice.has_parts(comm.size):
         shifts = lattice.ties(tied or {})
         if shifts is not None:
             ties = [Tie(key, *edges, shifts[key]) for key, edges in (tied or {}).items()]

@@ -11,6 +11,7 @@ import numpy as np
 from ruptfx.bodies.space import axisymmetry
 from ruptfx.bodies.space.bodies import Bodies
 from ruptfx.bodies.space.nodes import Nodes
+from ruptfx.bodies.space.numbering import in_sweep_order
 from ruptfx.bodies.space.variation import Variation
 from ruptfx.input.schema import CaseError, nearest
 from ruptfx.laws.materials import Material, Plane
@@ -81,7 +82,7 @@ class Discretisation:
             parallel.raise_on_all(comm, axisymmetry.put_on_axis(self.mesh))
         self.space = (
             fem.broken_lagrange(self.mesh, self.components) if broken
-            else fem.lagrange(self.mesh, order, self.components)
+            else in_sweep_order(fem.lagrange(self.mesh, order, self.components))
         )  # fmt: skip
         self.layout = Nodes(self.space, bodies)
         self.nodes, self.owned_nodes, self.total_nodes = self.layout.count, self.layout.owned, self.layout.total
