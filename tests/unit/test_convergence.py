@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from helpers.small_cases import INSTRUMENTS, merged, plates
 
 from ruptfx import RuptfxError
 from ruptfx.many_runs.convergence import converge, estimate, figure
-from ruptfx.many_runs.convergence.estimates import Row
+from ruptfx.many_runs.convergence.estimates import Row, unresolved
 from ruptfx.many_runs.convergence.readings import of_signal
+from ruptfx.many_runs.study.harvest import harvest
 from ruptfx.results.analysis.verdict import rows, verdict, with_bar
 from ruptfx.results.record import Record
 
@@ -52,6 +54,17 @@ def test_values_that_are_not_in_the_asymptotic_range(values: tuple[float, ...], 
     result = estimate(values, (1, 2, 4))
     assert result.outside and result.bar == pytest.approx(bar, rel=1e-12)
     assert result.extrapolated == result.value
+
+
+def test_a_case_is_not_resolved_where_most_numbers_approach_no_limit() -> None:
+    """Of the numbers that change: 2 of 4 may oscillate or move apart, 3 of 5 may not."""
+    several = {"a": (1.0, 1.1, 1.3), "b": (2.0, 2.2, 2.1), "c": (1.0, 1.2, 1.3), "d": (1.0, 1.0, 1.4),
+               "same": (3.0, 3.0, 3.0), "e": (5.0, 4.0, 5.0)}  # fmt: skip
+    made = {name: estimate(values, (1, 2, 4)) for name, values in several.items()}
+    rows = [Row(name, "1", each.value, each.bar, {"mesh": each}) for name, each in made.items()]
+    assert [row.name for row in rows if not row.by["mesh"].approaches] == ["b", "c", "e"]
+    assert unresolved(rows[:-1]) == "" and unresolved([]) == ""
+    assert re.match(facts("3 of 5.*mesh.element_size"), unresolved(rows))
 
 
 def test_equal_values_and_two_levels() -> None:
@@ -109,6 +122,7 @@ def test_a_small_case(tmp_path: Path) -> None:
     assert {"max_slip", "energy_kinetic"} <= names.keys() and any(" peak" in name for name in names)
     assert not any(name.startswith("grid.") for name in names)  # places of more receivers than times are no signals
     assert made.notes == [] and made.spacings == {"mesh": [1.0, 2.0, 4.0]}
+    assert made.warning == unresolved(made.rows)
     table = json.loads((tmp_path / "out" / "converge.json").read_text())
     assert [each["name"] for each in table["numbers"]] == list(names)
     with Record(made.run) as record:
@@ -127,7 +141,7 @@ def test_a_small_case(tmp_path: Path) -> None:
 
 @pytest.mark.fem
 def test_bars_of_mesh_and_step_are_added(tmp_path: Path) -> None:
-    """Two levels of each: a bar is three times the change, from the summaries of the three runs."""
+    """Two levels of each: a bar is three times the change, from the numbers of the three runs."""
     pytest.importorskip("dolfinx")
     pytest.importorskip("distributed")
     pushed = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 10.0, "ramp": 1e-6}
@@ -138,7 +152,7 @@ def test_bars_of_mesh_and_step_are_added(tmp_path: Path) -> None:
     runs = {}
     for each in (tmp_path / "out" / "points").glob("*/run/summary.json"):
         case = tomllib.loads((each.parent / "case.toml").read_text())
-        runs[case["mesh"]["element_size"], case["stepper"]["time_step"]] = json.loads(each.read_text())[
+        runs[case["mesh"]["element_size"], case["stepper"]["time_step"]] = harvest(each.parent, ["run"])[
             "energy_kinetic"
         ]
     value, coarse, long = (runs[at] for at in ((2e-3, 2e-8), (4e-3, 2e-8), (2e-3, 4e-8)))

@@ -53,6 +53,8 @@ def converge(
         for text in result.notes:
             screen.print(f"no result: {text}", style="red", soft_wrap=True)
         inside = sum(not row.outside for row in result.rows)
+        if result.warning:
+            screen.print(result.warning, style="red", soft_wrap=True)
         screen.print(f"{inside} of {len(result.rows)} numbers are in the asymptotic range", soft_wrap=True)
         screen.print(f"Run of the case, with its bars: {result.run}", soft_wrap=True)
         screen.print(f"Files: {', '.join(map(str, result.files))}", soft_wrap=True)

@@ -26,6 +26,7 @@ SAFETY, SAFETY_OF_TWO = 2.0, 3.0
 LEAST_ORDER, HIGHEST_ORDER, ORDER_OF_BAR = 0.5, 4.0, 1.0
 ROUNDING = 1e-12  # relative difference of values that are the same
 ITERATIONS = 100
+OSCILLATE, DO_NOT_FALL = "the values oscillate", "the differences do not fall"
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,11 @@ class Estimate:
     order: float | None
     outside: str
     values: tuple[float, ...]
+
+    @property
+    def approaches(self) -> bool:
+        """Whether the values approach a limit, at any order."""
+        return self.outside not in (OSCILLATE, DO_NOT_FALL)
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,22 @@ class Row:
         several = len(self.by) > 1
         items = [(family, each.outside) for family, each in self.by.items() if each.outside]
         return "; ".join(f"{family}: {reason}" if several else reason for family, reason in items)
+
+
+def unresolved(rows: Sequence[Row]) -> str:
+    """Return why the spacings do not resolve a case, so that no bar of it can be trusted; empty if they do.
+
+    They do not if more than half of the numbers that change with the spacing do not approach a limit: meshes that
+    decide otherwise than a fine one, as on whether a rupture goes on, may agree on single numbers.
+    """
+    changing = [row for row in rows if row.bar > 0]
+    away = [row for row in changing if not all(each.approaches for each in row.by.values())]
+    if 2 * len(away) <= len(changing):
+        return ""
+    return (
+        f"{len(away)} of {len(changing)} numbers do not approach a limit: these levels do not resolve the case, and "
+        "its bars may not hold; use a smaller mesh.element_size, or a smaller step"
+    )
 
 
 def estimate(values: Sequence[float], spacings: Sequence[float]) -> Estimate:
@@ -115,15 +137,15 @@ def _order(first: float, second: float, ratio: float, ratio_coarse: float) -> tu
     if first == 0:
         return "the two smallest spacings agree, the next does not", math.inf
     if first * second < 0:
-        return "the values oscillate", None
+        return OSCILLATE, None
     if abs(second) <= abs(first):
-        return "the differences do not fall", None
+        return DO_NOT_FALL, None
     order = np.log(second / first) / np.log(ratio)
     for _ in range(ITERATIONS):  # Celik et al. (2008), eq. 3, a fixed-point iteration; one step for equal ratios
         before, order = order, (np.log(second / first) + np.log(np.expm1(order * np.log(ratio)) / np.expm1(
             order * np.log(ratio_coarse)))) / np.log(ratio)  # fmt: skip
         if not order > 0:
-            return "the differences do not fall", None
+            return DO_NOT_FALL, None
         if abs(order - before) < 1e-12 * order:
             break
     if not LEAST_ORDER <= order <= HIGHEST_ORDER:

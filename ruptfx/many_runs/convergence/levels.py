@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from ruptfx import RuptfxError, Table
 from ruptfx.case import Case, override, read_case
 from ruptfx.input.schema import CaseError, dotted_keys, nearest, value_at
-from ruptfx.many_runs.convergence.estimates import Estimate, Row, estimate
+from ruptfx.many_runs.convergence.estimates import Estimate, Row, estimate, unresolved
 from ruptfx.many_runs.convergence.readings import readings, shared
 from ruptfx.many_runs.study.definition import Study
 from ruptfx.many_runs.study.execute import run_study
@@ -42,6 +42,8 @@ class Convergence:
     notes : list of str
         Levels without a result, with the reason.
     files : list of Path
+    warning : str
+        Why the levels do not resolve the case; empty if they do.
     """
 
     rows: list[Row]
@@ -49,6 +51,7 @@ class Convergence:
     spacings: Mapping[str, list[float]]
     notes: list[str]
     files: list[Path]
+    warning: str
 
 
 def converge(
@@ -107,7 +110,8 @@ def converge(
     rows = list(_rows(families))
     run = out / "points" / point.hash / "run"
     attach(run, rows)
-    return Convergence(rows, run, spacings, notes, _write(out, rows, spacings, bool(options.get("overwrite"))))
+    files = _write(out, rows, spacings, bool(options.get("overwrite")))
+    return Convergence(rows, run, spacings, notes, files, unresolved(rows))
 
 
 def _label(factor: float, family: str) -> str:
@@ -209,7 +213,8 @@ def _write(out: Path, rows: list[Row], spacings: Mapping[str, list[float]], over
     with Outputs(out, overwrite=overwrite) as files:
         numbers = [{**asdict(row), "outside": row.outside} for row in rows]
         write_json(
-            files.claim(PRODUCTS[0]), {"spacings": dict(spacings), "numbers": [_finite(each) for each in numbers]}
+            files.claim(PRODUCTS[0]),
+            {"spacings": dict(spacings), "warning": unresolved(rows), "numbers": [_finite(each) for each in numbers]},
         )
         with files.claim(PRODUCTS[1]).open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
