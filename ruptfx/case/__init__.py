@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, cast
 
 import numpy as np
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, field_validator, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, ValidationInfo, field_validator, model_validator
 
 from ruptfx import Table
 from ruptfx.bodies.boundaries import AnyBoundary, Boundary
@@ -54,7 +54,7 @@ from ruptfx.laws.friction.coulomb import Coulomb
 from ruptfx.laws.materials import AnyMaterial, Material, Plane
 from ruptfx.laws.nucleation import AnyNucleation
 from ruptfx.platform.codegen import native
-from ruptfx.readings.instruments import AnyInstrument
+from ruptfx.readings.instruments import AnyInstrument, with_stations
 from ruptfx.readings.misfits import AnyMisfit, Inference, Reconstruction, Unknown
 from ruptfx.results.cameras import AnyCamera
 from ruptfx.stepping.steppers import AnyStepper
@@ -361,6 +361,11 @@ class Case(CaseFile):
         for key, units, of in value:
             require_units(key, units, unit_of_key(case, of))
         return case
+
+    @field_validator("instruments", mode="before")
+    @classmethod
+    def _one_for_each_station(cls, entries: object, info: ValidationInfo) -> object:
+        return with_stations(entries, info)
 
     @field_validator("stepper", mode="before")
     @classmethod

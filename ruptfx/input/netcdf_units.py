@@ -122,7 +122,7 @@ def check_grid(path: Path, variable: str, axes: Sequence[str], unit: str) -> Non
 
 def read_grid(
     path: Path, variable: str | None, axes: Sequence[str], unit: str | None, most: int = MOST_VALUES,
-    every: bool = False,
+    of_axes: str | None = "m",
 ) -> Grid:  # fmt: skip
     """Return a variable on a grid, in the units of its attributes `units`.
 
@@ -136,8 +136,8 @@ def read_grid(
         Unit of the values; None for the SI unit. Values without attribute are in it, coordinates in m.
     most : int
         Largest number of values.
-    every : bool
-        Whether it needs all the axes.
+    of_axes : str or None
+        Unit of coordinates; None if they have none, as longitudes.
 
     Raises
     ------
@@ -150,14 +150,14 @@ def read_grid(
         require_size(path, name, result.shape, most)
         dims = [axis for axis in axes if axis in result.dims]
         has_other = len(dims) < len(result.dims) or any(axis not in result.coords for axis in dims)
-        if has_other or not dims or (every and len(dims) < len(axes)):
+        if has_other or not dims:
             shown = ", ".join(map(str, result.dims)) or "none"
-            wanted = f"{' and '.join(axes)}, with coordinates" if every else f"{', '.join(axes)} with coordinates"
-            raise ValueError(f"{path}: '{name}' has the axes {shown}; give it {wanted}")
+            raise ValueError(f"{path}: '{name}' has the axes {shown}; give it {', '.join(axes)} with coordinates")
         result = result.load().transpose(*dims).sortby(dims)
         coordinates = []
         for axis in dims:
-            positions = np.asarray(result[axis].values, dtype=float) * _factor(path, axis, result[axis].attrs, "m")
+            positions = np.asarray(result[axis].values, dtype=float)
+            positions = positions * (_factor(path, axis, result[axis].attrs, of_axes) if of_axes else 1.0)
             if len(positions) < 2 or not np.all(np.diff(positions) > 0):
                 raise ValueError(f"{path}: {axis} needs two positions or more, each given once")
             coordinates.append(positions)

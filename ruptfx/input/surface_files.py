@@ -1,7 +1,8 @@
-"""Values on a grid of a surface, from CSV and NetCDF files."""
+"""Values on a grid of a surface, from CSV, NetCDF and GeoTIFF files."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -11,8 +12,13 @@ from pydantic import ValidationInfo
 
 from ruptfx.input.netcdf_units import read_grid
 from ruptfx.input.number_files import read_table
+from ruptfx.platform.files import require_file
 
+MOST_BYTES = 200_000_000  # of a height map
 MOST_VALUES = 1_000_000  # the resolved case contains them
+GEOTIFF = (".tif", ".tiff")
+STRIKE = ("strike", "x", "easting", "lon", "longitude")
+DIP = ("dip", "y", "northing", "lat", "latitude")
 NETCDF = (".nc", ".nc4", ".h5", ".cdf", ".netcdf")
 
 
@@ -45,20 +51,24 @@ def with_grid_read(grid: object, info: ValidationInfo, unit: str | None) -> obje
     if any(grid.get(name) for name in SurfaceGrid._fields):
         raise ValueError("give either a file, or strike, dip and values")
     path = Path((info.context or {}).get("directory") or ".", grid["file"])
-    variable = grid.get("variable")
+    variable, frame = grid.get("variable"), grid.get("map")
+    projection = frame.get("projection") if isinstance(frame, Mapping) else getattr(frame, "projection", None)
     if path.suffix.lower() in NETCDF:
-        csv = of_netcdf(path, variable if isinstance(variable, str) else None, unit)
+        csv = of_netcdf(path, variable if isinstance(variable, str) else None, unit, projection is not None)
     elif variable is not None:
         raise ValueError(f"variable = {variable!r}: only NetCDF files ({', '.join(NETCDF)}) have variables; remove it")
+    elif path.suffix.lower() in GEOTIFF:
+        csv = of_geotiff(path, projection is not None)
     else:
-        csv = of_csv(path, unit)
+        csv = of_csv(path, unit, projection is not None)
     return {**{name: value for name, value in grid.items() if name not in ("file", "variable")}, **csv._asdict()}
 
 
-def of_csv(path: Path, unit: str | None) -> SurfaceGrid:
+def of_csv(path: Path, unit: str | None, in_degrees: bool = False) -> SurfaceGrid:
     """Read a CSV file with the columns strike, dip and value, one line for each point of a grid, in any order.
 
-    Lines before the first number and lines that begin with # are skipped, except for the units of the header.
+    Lines before the first number and lines that begin with # are skipped, except for the units of the header. The
+    first columns may also be x and y, or longitude and latitude, `in_degrees` whatever their header.
 
     Raises
     ------
@@ -68,12 +78,13 @@ def of_csv(path: Path, unit: str | None) -> SurfaceGrid:
     if table.width != 3:
         raise ValueError(f"line {table.lines[0]} of {path}: {table.width} columns; give three, strike, dip and value")
     for line, cells in table.headers:
-        for column, (cell, name) in enumerate(zip(cells, ("dip", "strike"), strict=False), 1):
-            if cell.lower().startswith(name):
+        for column, (cell, names) in enumerate(zip(cells, (DIP, STRIKE), strict=False), 1):
+            if re.match(rf"({'|'.join(names)})\b", cell.strip().lower()):
                 raise ValueError(
-                    f"line {line} of {path}: column {column} is {name}; write strike, dip, value in this order"
+                    f"line {line} of {path}: column {column} is {cell.strip()}; write strike, dip, value, or x, y, "
+                    "value, in this order"
                 )
-    scales = table.factors({0: "m", 1: "m", 2: unit})
+    scales = {0: None, 1: None} | table.factors({2: unit} if in_degrees else {0: "m", 1: "m", 2: unit})
     return _gridded(np.array([table.column(i, scale or 1) for i, scale in scales.items()]).T, table.lines, path)
 
 
@@ -113,8 +124,10 @@ def _gridded(rows: np.ndarray, lines: list[int], path: Path) -> SurfaceGrid:
     return SurfaceGrid(strike.tolist(), dip.tolist(), values.tolist())
 
 
-def of_netcdf(path: Path, variable: str | None, unit: str | None) -> SurfaceGrid:
+def of_netcdf(path: Path, variable: str | None, unit: str | None, in_degrees: bool = False) -> SurfaceGrid:
     """Read a variable of a NetCDF file with the coordinates strike and dip, in the units of their attributes `units`.
+
+    The coordinates may also be called x and y, easting and northing, or longitude and latitude (lon and lat).
 
     Parameters
     ----------
@@ -122,11 +135,66 @@ def of_netcdf(path: Path, variable: str | None, unit: str | None) -> SurfaceGrid
         Its name; None if the file has one only.
     unit : str or None
         Unit of the values, also if they have no attribute; coordinates without one are in m.
+    in_degrees : bool
+        Coordinates have no unit of length.
 
     Raises
     ------
     ValueError
     """
-    grid = read_grid(path, variable, ("dip", "strike"), unit, MOST_VALUES, every=True)
+    grid = read_grid(path, variable, (*DIP, *STRIKE), unit, MOST_VALUES, None if in_degrees else "m")
+    if len(grid.names) != 2 or grid.names[0] not in DIP or grid.names[1] not in STRIKE:
+        raise ValueError(
+            f"{path}: the values have the axes {', '.join(grid.names)}; give them two, strike and dip, x and y, or "
+            "longitude and latitude, with coordinates"
+        )
     dip, strike = grid.coordinates
     return SurfaceGrid(strike.tolist(), dip.tolist(), grid.values.tolist())
+
+
+def of_geotiff(path: Path, in_degrees: bool = False) -> SurfaceGrid:
+    """Read heights [m] from an image with one band, whose tags place its pixels along east and north.
+
+    Raises
+    ------
+    ValueError
+        No such tags, several bands, missing values, or coordinates in degrees without a projection.
+    """
+    from PIL import Image
+
+    require_file(path, MOST_BYTES, remedy="give a GeoTIFF file")
+    try:
+        with Image.open(path, formats=["TIFF"]) as image:
+            tags = {number: image.tag_v2.get(number) for number in (33550, 33922, 34735, 42113)}  # type: ignore[attr-defined]
+            if (count := image.width * image.height) > MOST_VALUES:
+                raise ValueError(f"{path}: has {count} pixels, and height maps at most {MOST_VALUES}; make it coarser")
+            values = np.asarray(image, dtype=float)
+    except Exception as error:  # Pillow raises many kinds of errors for damaged files
+        if str(error).startswith(str(path)):
+            raise
+        raise ValueError(f"{path}: cannot be read as TIFF ({error!s:.200}); save it again, or as NetCDF") from None
+    scale, tie = tags[33550], tags[33922]
+    if values.ndim != 2 or scale is None or tie is None or len(tie) != 6 or min(values.shape) < 2:
+        raise ValueError(
+            f"{path}: is no map of one band with ModelPixelScale and one ModelTiepoint, the place of its pixels; save "
+            "it as GeoTIFF with one band that is not rotated, or as NetCDF"
+        )
+    keys = dict(zip((tags[34735] or ())[4::4], (tags[34735] or ())[7::4], strict=False))
+    if (keys.get(1024) == 2) != in_degrees:
+        raise ValueError(
+            f"{path}: its coordinates are {'longitudes and latitudes' if keys.get(1024) == 2 else 'lengths'}; "
+            + (
+                "leave out projection in map"
+                if in_degrees
+                else "give map = { origin = [...], projection = 'EPSG:...' }"
+            )
+        )
+    missing = ~np.isfinite(values)
+    if tags[42113]:
+        missing |= values == float(str(tags[42113]).strip("\0 "))
+    if missing.any():
+        raise ValueError(f"{path}: {missing.sum()} pixels have no value; fill them")
+    middle = 0.0 if keys.get(1025) == 2 else 0.5  # pixels are points, or areas
+    strike = tie[3] + (np.arange(values.shape[1]) + middle - tie[0]) * scale[0]
+    dip = tie[4] - (np.arange(values.shape[0]) + middle - tie[1]) * scale[1]
+    return SurfaceGrid(strike.tolist(), dip[::-1].tolist(), values[::-1].tolist())

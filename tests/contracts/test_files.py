@@ -15,7 +15,7 @@ import pytest
 import tomli_w
 import xarray
 from helpers.messages import facts
-from helpers.small_cases import plates
+from helpers.small_cases import plates, strike_slip
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
@@ -100,6 +100,10 @@ def tables() -> Rows:
                             text("z.txt", height)),
         "profiles.Table.file": (plates({law: table}), text("p.csv", "x,mu\n-1,0.5\n1,0.6\n")),
         "profiles.SurfaceTable.file": (plates({law: surface}), text("s.csv", "0,0,1\n1,0,1\n0,1,1\n1,1,1\n")),
+        **{f"instruments.{cls}.stations": (strike_slip({"instruments": [
+            {"kind": kind, "interval": 1e-6, "name": "sta", "stations": "sta.csv"},
+        ]}), text("sta.csv", "name,x (mm),y (mm),z (mm)\nA,1,0,-1\n"))
+           for cls, kind in (("Receiver", "receiver"), ("FaultReceiver", "fault_receiver"))},
         "boundaries.Moved.file": (plates({"boundaries": [moved]}), text("v.csv", "time (us),v (m/s)\n0,0\n20,5\n")),
         "misfits.Traces.file": (plates({"instruments": [GAUGE], "objective": [traces]}),
                         text("t.csv", "time (us),slip (um)\n1,0\n2,0\n")),

@@ -29,6 +29,7 @@ from ruptfx.bodies.meshes.two_plates import TwoPlates
 from ruptfx.bodies.space.bodies import distribute, named_facets, tied_facets
 from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.case import parse_case
+from ruptfx.input.profiles.gaussian import Gaussian
 from ruptfx.input.schema import CaseError, alternatives
 from ruptfx.interfaces.faults.interface import Interface, build_interface
 from ruptfx.interfaces.sliding import Sliding
@@ -59,6 +60,7 @@ def example(kind: str) -> Any:
     return KINDS[kind].model_validate(table, context={"directory": DATA})
 
 
+HILL = Gaussian(background=0.0, amplitude=0.5e-3, center={"x": 1e-3, "y": 0.5e-3}, width=1e-3)
 # Source, order, and the length (area) of its interface, where it has a closed form: every kind, and shapes of our own.
 MESHES: dict[str, tuple[Callable[[Path], Any], int, float | None]] = {
     **{kind: (lambda _, kind=kind: example(kind), 3, None) for kind in KINDS},
@@ -74,8 +76,9 @@ MESHES: dict[str, tuple[Callable[[Path], Any], int, float | None]] = {
         0.5 * (9 - 1 / 3) * (4 - 1 / 6) * 1e-6,
     ),
     "dipping": (lambda _: example("box_with_fault").model_copy(update={"dip": 60.0, "fault_top": 1e-3}), 2, None),
+    "hill": (lambda _: example("box_with_fault").model_copy(update={"dip": 60.0, "topography": HILL}), 2, None),
 }
-KINDS_THAT_END_INSIDE = {"box_with_fault", "dipping", "branched_fault", "half_box"}
+KINDS_THAT_END_INSIDE = {"box_with_fault", "dipping", "branched_fault", "half_box", "hill"}
 every_mesh = pytest.mark.parametrize("mesh", MESHES)
 
 

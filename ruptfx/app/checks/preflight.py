@@ -12,7 +12,6 @@ import numpy as np
 from ruptfx.app.checks.data import data_rows
 from ruptfx.app.checks.loads import load_rows
 from ruptfx.app.checks.stress import stress_rows
-from ruptfx.bodies.space.inside import Inside
 from ruptfx.bodies.spectrum import stable_time_step
 from ruptfx.case import Case
 from ruptfx.input.schema import unit_of
@@ -223,7 +222,7 @@ def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
         if instrument.bandwidth is not None and instrument.bandwidth > often:
             notes.append(f"the bandwidth of {instrument.bandwidth:.3g} Hz passes more: reduce the interval")
             verdict = "warning"
-        places = [Inside(model, point, body, f"instruments.{number}") for point, body in instrument.points]
+        places = instrument.places(model, f"instruments.{number}")
         if places:
             spacing = max(place.element_size for place in places) / model.case.order
             carried = min(

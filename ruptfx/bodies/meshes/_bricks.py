@@ -13,6 +13,8 @@ from ruptfx.bodies.meshes import FACETS, RawMesh
 from ruptfx.bodies.meshes._lattice import FEWEST_ROWS, affordable, split
 from ruptfx.input.profiles import evaluate
 
+FIXED_POINT = 50  # iterations, of which each halves the error of heights at least
+
 
 def _fading(part: np.ndarray) -> np.ndarray:
     """Return 1 at 0 and 0 at 1, with slopes of zero at both."""
@@ -40,6 +42,8 @@ class Bricks:
         The plane of the fault is the first one along y, and the body on the other side is its mirror image.
     height : Profile or float, optional
         Distance of a rough fault from its plane along y [m], over x and the distance down dip.
+    topography : Profile or float, optional
+        Height of the upper side [m], over x and y.
     """
 
     x: np.ndarray
@@ -51,6 +55,7 @@ class Bricks:
     slope: float = 0.0
     half: bool = False
     height: object = None
+    topography: object = None
     cell: ClassVar[str] = "hexahedron"
 
     def __post_init__(self) -> None:
@@ -123,8 +128,18 @@ class Bricks:
         """Return coordinates of vertices [m], shape (vertices, 3)."""
         i, j, k = self._places(vertices)
         z = self.z[k]
+        if self.topography is not None:  # rows follow it less and less, down to the plane bottom
+            columns, column = np.unique(i * len(self.y) + j, return_inverse=True)
+            z = z + self.rise(*np.divmod(columns, len(self.y)))[column.ravel()] * (1 - z / self.z[0])
         y = self.y[j] - self.slope * z
         return np.stack([self.x[i], y if self.height is None else y + _shift(self, self.height, i, j, k), z], axis=1)
+
+    def rise(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        """Return the height of the surface at columns of vertices [m], which follow a dipping fault up to it."""
+        x, y, height = self.x[i], self.y[j], np.zeros(len(i))
+        for _ in range(FIXED_POINT if self.slope else 1):
+            height = evaluate(self.topography, np.stack([x, y - self.slope * height], axis=1))
+        return height
 
     @property
     def reference_normals(self) -> dict[str, np.ndarray]:

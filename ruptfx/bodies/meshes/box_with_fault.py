@@ -10,12 +10,15 @@ from pydantic import Field, model_validator
 from ruptfx.bodies.meshes import MeshSource
 from ruptfx.bodies.meshes._bricks import Bricks
 from ruptfx.bodies.meshes._lattice import even, graded
+from ruptfx.bodies.meshes.rough_plates import in_plan
 from ruptfx.input.profiles import evaluate
 from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, Unit
 from ruptfx.input.units import Coordinate, Length, VaryingHeight
 
 FLATTEST = 0.3  # height over the distance of the far edges: elements shrink to about half in between
+STEEPEST = 1.0  # slope of the topography, 45 degrees
+SHORTEST = 0.5  # elements of the surface beside a dipping fault, over their length without topography
 
 
 class BoxWithFault(MeshSource):
@@ -56,6 +59,10 @@ class BoxWithFault(MeshSource):
     """Distance of a rough fault from its plane along y, a profile over x and the distance down dip in that plane, such
     as `self_affine_surface`; not with `half`. The whole box follows, less and less towards its sides. Positions are
     those in the plane."""
+    topography: VaryingHeight = 0.0
+    """Height of the surface, a profile over x and y, such as `surface_table` with the file of a height map. Rows of
+    elements, and the fault with them, follow it less and less down to the plane bottom; the fault stays in its plane.
+    Slopes are at most 45 degrees, and on a dipping fault half as steep as the fault. Not with `half` or `height`."""
     growth: Annotated[float, Field(ge=1, le=1.2), Unit("1")] = 1.15
     """Ratio of the sizes of neighbouring elements outside of the fine box around the fault."""
     fine: Annotated[float, Field(ge=0), Unit("m")] = 0.0
@@ -82,8 +89,16 @@ class BoxWithFault(MeshSource):
                 f"half = true: the sides of a fault that dips at {self.dip:g} degrees are no mirror images; leave out "
                 "half, or make dip 90"
             )
-        if self.half and not (isinstance(self.height, float) and self.height == 0):
+        if self.half and _varies(self.height):
             raise ValueError("half = true: the sides of a rough fault are no mirror images; leave out half, or height")
+        return self
+
+    @model_validator(mode="after")
+    def _topography_alone(self) -> BoxWithFault:
+        if _varies(self.topography):
+            for key, is_used in (("half = true", self.half), ("height", _varies(self.height))):
+                if is_used:
+                    raise ValueError(f"{key}: is not possible with topography; leave out one of them")
         return self
 
     def lattice(self) -> Bricks:
@@ -106,10 +121,13 @@ class BoxWithFault(MeshSource):
             plane=0 if self.half else len(side) - 1,
             along=(len(outside) - 1, len(outside) + len(fault) - 2), down=(last - len(depth) + 1, last),
             slope=0.0 if self.dip == 90 else float(1 / np.tan(angle)), half=self.half,
-            height=None if isinstance(self.height, float) and self.height == 0 else self.height,
+            height=self.height if _varies(self.height) else None,
+            topography=in_plan(self.topography, 2) if _varies(self.topography) else None,
         )  # fmt: skip
         if bricks.height is not None:
             self._not_folded(bricks)
+        if bricks.topography is not None:
+            self._not_steep(bricks)
         return bricks
 
     def _not_folded(self, bricks: Bricks) -> None:
@@ -133,3 +151,41 @@ class BoxWithFault(MeshSource):
                 f"which the box follows the fault; make distance at least {at_least(largest / FLATTEST)}, or the fault "
                 "smoother"
             )
+
+    def _not_steep(self, bricks: Bricks) -> None:
+        """Refuse topography that is too high for the depth of the box, too steep, or not defined everywhere.
+
+        Raises
+        ------
+        CaseError
+        """
+        i, j = np.indices((len(bricks.x), len(bricks.y)))
+        try:
+            height = bricks.rise(i.ravel(), j.ravel()).reshape(i.shape)
+        except CaseError as error:
+            raise CaseError(f"mesh.topography: {error}") from None
+        depth, largest = float(-bricks.z[0]), float(np.abs(height).max())
+        if largest > FLATTEST * depth:
+            raise CaseError(
+                f"mesh.topography: up to {largest:.5g} m from z = 0, more than {FLATTEST:g} of the depth of the box, "
+                f"{depth:.5g} m, over which elements follow it; subtract its mean, or make beyond at least "
+                f"{at_least(self.beyond + largest / FLATTEST - depth)}"
+            )
+        y = bricks.y[None] - bricks.slope * height
+        limits = (STEEPEST, min(STEEPEST, SHORTEST / bricks.slope if bricks.slope else STEEPEST))
+        for axis, limit in enumerate(limits):
+            across = np.diff(bricks.x)[:, None] if axis == 0 else np.maximum(np.diff(y, axis=1), 1e-300)
+            slope = np.abs(np.diff(height, axis=axis)) / across
+            if slope.max() > limit:
+                at = np.unravel_index(int(np.argmax(slope)), slope.shape)
+                raise CaseError(
+                    f"mesh.topography: rises by {slope.max():.4g} m per m along {'xy'[axis]} at "
+                    f"x = {bricks.x[at[0]]:.6g}, y = {y[at]:.6g} m, more than {limit:.4g}"
+                    + f", with which elements beside a fault that dips at {self.dip:g} degrees" * (limit < STEEPEST)
+                    + (" keep half of their length" if limit < STEEPEST else "")
+                    + "; smooth it, or make element_size larger"
+                )
+
+
+def _varies(height: object) -> bool:
+    return not (isinstance(height, float) and height == 0)

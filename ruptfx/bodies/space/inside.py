@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from ruptfx.bodies.space.discretisation import Discretisation
 
 SLACK = 1e-8  # of a cell: tolerance for points on its side
+HALVINGS = 40  # of an interval, to find where a line leaves a cell
+SAMPLES = 9  # points of a line through the box of a cell, one of which is inside if it passes through the cell
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,40 @@ class Inside:
             items.append((int(self.model.bodies.cell_body[cell]), int(cell), space.dofmap.list[cell], shape))
         return items
 
+    @classmethod
+    def at_surface(
+        cls, model: Discretisation, point: Sequence[float], body: str | None, key: str,
+        boxes: CellBoxes | None = None, anyhow: bool = False,
+    ) -> tuple[Inside, list[float], str]:  # fmt: skip
+        """Return a point inside, or one of the upper surface in its place, its coordinates [m] and a note; collective.
+
+        A point above the surface, by half an element at most, is moved straight down to it.
+
+        Parameters
+        ----------
+        anyhow : bool
+            Move the point to the surface from any height, also up; it is not moved if it is inside otherwise.
+
+        Raises
+        ------
+        CaseError
+            On all ranks: there is no body below or above it, or it is farther from the surface.
+        """
+        boxes = boxes or CellBoxes.of(model)
+        *plan, height = (float(x) for x in point)
+        surface = _surface(model, np.array(plan), boxes)
+        apart = height - surface
+        if not np.isfinite(surface) or (apart <= 0 and not anyhow):
+            return cls(model, point, body, key, boxes=boxes), list(point), ""
+        moved = [*plan, surface]
+        place = cls(model, moved, body, key, boxes=boxes)
+        if anyhow:
+            return place, moved, f", on the surface at {'xyz'[len(plan)]} = {surface:.9g} m"
+        if apart > 0.5 * place.element_size:
+            return cls(model, point, body, key, boxes=boxes), list(point), ""
+        there = ", ".join(f"{x:.9g}" for x in moved)
+        return place, moved, f", moved to the surface, ({there}) m, {apart:.4g} m below"
+
     def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return local degrees of freedom and weights on this rank, for a sum of `value` times coefficients.
 
@@ -176,3 +212,28 @@ class Inside:
         M_ij d phi / dx_j, exact for any field of the elements.
         """
         return self._sum(np.concatenate([np.zeros((1, self.model.components)), moment.T]))
+
+
+def _surface(model: Discretisation, plan: np.ndarray, boxes: CellBoxes) -> float:
+    """Return the largest height of the bodies over a point of the plan [m], -inf outside; collective."""
+    dim, highest = len(plan), -np.inf
+    over = ((plan >= boxes.low[:, :dim]) & (plan <= boxes.high[:, :dim])).all(axis=1)
+    for cell in np.flatnonzero(over).tolist():
+        if boxes.high[cell, dim] <= highest:
+            continue
+        ends = boxes.corners[cell, :, dim]
+        heights = np.linspace(ends.max(), ends.min(), SAMPLES)
+        inside = (height for height in heights if _is_inside(model, boxes, cell, plan, height))
+        low = next(inside, None)
+        if low is None:
+            continue
+        high = min(low + heights[0] - heights[1], heights[0])
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if _is_inside(model, boxes, cell, plan, middle) else (low, middle)
+        highest = max(highest, float(low))
+    return float(parallel.largest(model.comm, highest))
+
+
+def _is_inside(model: Discretisation, boxes: CellBoxes, cell: int, plan: np.ndarray, height: float) -> bool:
+    return fem.reference_point(model.mesh, boxes.corners[cell], np.append(plan, height)) is not None

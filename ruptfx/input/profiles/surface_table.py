@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import ValidationInfo, field_validator, model_validator
 
+from ruptfx.input.map_frame import MapFrame
 from ruptfx.input.profiles import Profile, Value
 from ruptfx.input.quantities import at_least, at_most
 from ruptfx.input.schema import CaseError, Unit
@@ -14,7 +15,10 @@ from ruptfx.input.surface_files import with_grid_read
 
 
 class SurfaceTable(Profile):
-    """Bilinear interpolation of values on a grid of strike and dip, which covers the surface."""
+    """Bilinear interpolation of values on a grid of strike and dip, which covers the surface.
+
+    Of the surface of the ground, as `mesh.topography`, the positions are x and y.
+    """
 
     over_surface: ClassVar[bool] = True
     example: ClassVar[str] = (
@@ -28,12 +32,16 @@ class SurfaceTable(Profile):
     values: list[list[Value]] = []
     """A row for each position down dip, with a value for each along strike."""
     file: str | None = None
-    """CSV or NetCDF file instead of the lists, relative to the case file. A CSV file has the columns strike, dip and
-    value, and a line for each point of the grid; its header may give the units, as in `strike (km), dip (km), stress
-    (MPa)`. A NetCDF file (.nc, .nc4, .h5, .cdf, .netcdf) has a variable with the coordinates `strike` and `dip`, all
-    with attributes `units`. Default are m and the unit of the key. The resolved case contains the numbers."""
+    """CSV, NetCDF or GeoTIFF file instead of the lists, relative to the case file. A CSV file has the columns strike,
+    dip and value, or x, y and value, and a line for each point of the grid; its header may give the units, as in
+    `strike (km), dip (km), stress (MPa)`. A NetCDF file (.nc, .nc4, .h5, .cdf, .netcdf) has a variable with the
+    coordinates `strike` and `dip`, `x` and `y`, or `lon` and `lat`, all with attributes `units`. A GeoTIFF file (.tif,
+    .tiff) has one band of heights in m. Default are m and the unit of the key. The resolved case contains the
+    numbers."""
     variable: str | None = None
     """Name of the variable of a NetCDF file that has several."""
+    map: MapFrame | None = None
+    """Place of the model on the map, if the positions are eastings and northings, or longitudes and latitudes."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
@@ -62,12 +70,15 @@ class SurfaceTable(Profile):
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         cells, parts = [], []
-        for name, values, grid in zip(("strike", "dip"), position.T, (self.strike, self.dip), strict=True):
+        unit = " degrees" if self.map and self.map.projection else " m"
+        names = ("strike", "dip") if self.map is None else self.map.axes
+        position = position if self.map is None else self.map.to_map(position)
+        for name, values, grid in zip(names, position.T, (self.strike, self.dip), strict=True):
             slack = 1e-9 * (grid[-1] - grid[0])  # rounding of coordinates
             if len(values) and not grid[0] - slack <= values.min() <= values.max() <= grid[-1] + slack:
                 raise CaseError(
-                    f"the table has {name} from {grid[0]:.6g} to {grid[-1]:.6g} m, and the surface has points from "
-                    f"{at_most(values.min() + slack)} to {at_least(values.max() - slack)} m; add to the table"
+                    f"the table has {name} from {grid[0]:.9g} to {grid[-1]:.9g}{unit}, and the surface has points from "
+                    f"{at_most(values.min() + slack)} to {at_least(values.max() - slack)}{unit}; add to the table"
                 )
             inside = np.clip(values, grid[0], grid[-1])
             cell = np.clip(np.searchsorted(grid, inside, side="right") - 1, 0, len(grid) - 2)

@@ -7,16 +7,22 @@ number of ranks. `ruptfx.run.recording.sampling` evaluates them at the times of 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
+from pydantic import ValidationInfo
 
-from ruptfx.input.schema import Alternative, Name, alternative
+from ruptfx import RuptfxError
+from ruptfx.input.schema import Alternative, Name, alternative, find, kinds
 from ruptfx.input.units import Duration, Frequency
 from ruptfx.laws.materials import Plane
 
 if TYPE_CHECKING:
+    from ruptfx.bodies.space.discretisation import Discretisation
+    from ruptfx.bodies.space.inside import Inside
     from ruptfx.readings.instruments.model_readings import ModelReadings
 
 Source = Literal["displacement", "velocity", "acceleration", "inelastic_force", "inelastic_stress"] | tuple[str, str]
@@ -109,6 +115,38 @@ class Instrument(Alternative):
     def points(self) -> list[tuple[list[float], str | None]]:
         """Measured points of the bodies [m], with the body of each."""
         return []
+
+    def places(self, model: Discretisation, key: str) -> list[Inside]:
+        """Return the elements of the measured points; collective."""
+        from ruptfx.bodies.space.inside import Inside
+
+        return [Inside(model, point, body, key) for point, body in self.points]
+
+
+def with_stations(entries: object, info: ValidationInfo) -> object:
+    """Return the instruments of a case, with those at the stations of files in place of the tables that name a file.
+
+    Raises
+    ------
+    ValueError
+    """
+    from ruptfx.readings.instruments._stations import AtStations
+
+    if not isinstance(entries, list):
+        return entries
+    tables: list[object] = []
+    for number, entry in enumerate(entries):
+        kind = str(entry.get("kind")) if isinstance(entry, Mapping) else ""
+        cls = find("ruptfx.readings.instruments", kind) if kind in kinds("ruptfx.readings.instruments") else Instrument
+        if isinstance(entry, Mapping) and isinstance(entry.get("stations"), str) and issubclass(cls, AtStations):
+            directory = Path((info.context or {}).get("directory") or ".")
+            try:
+                tables += cls.of_stations(entry, directory, 3 if info.data.get("plane") == "solid" else 2)
+            except (ValueError, RuptfxError) as error:
+                raise ValueError(f"instruments.{number}.stations: {error}") from None
+        else:
+            tables.append(entry)
+    return tables
 
 
 if TYPE_CHECKING:

@@ -10,13 +10,14 @@ from ruptfx.bodies.boundaries import check_vector
 from ruptfx.input.schema import Unit
 from ruptfx.input.units import Coordinate
 from ruptfx.laws.materials import Plane
-from ruptfx.readings.instruments import Channel, Instrument
+from ruptfx.readings.instruments import Channel
+from ruptfx.readings.instruments._stations import AtStations
 
 if TYPE_CHECKING:
     from ruptfx.readings.instruments.model_readings import ModelReadings
 
 
-class FaultReceiver(Instrument):
+class FaultReceiver(AtStations):
     """Slip, slip rate, tractions, opening and the state of the law at a position of an interface.
 
     In 2D at a position, linear between the two points next to it; in 3D at a point, by the shape functions of the

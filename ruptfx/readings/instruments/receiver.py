@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -10,20 +11,24 @@ from pydantic import Field
 from ruptfx.bodies.boundaries import check_vector
 from ruptfx.input.schema import Unit
 from ruptfx.laws.materials import Plane
-from ruptfx.readings.instruments import Channel, Instrument
+from ruptfx.readings.instruments import Channel
+from ruptfx.readings.instruments._stations import AtStations
 
 if TYPE_CHECKING:
+    from ruptfx.bodies.space.discretisation import Discretisation
+    from ruptfx.bodies.space.inside import Inside
     from ruptfx.readings.instruments.model_readings import ModelReadings, SensedPoint
 
 Quantity = Literal["velocity", "displacement", "strain", "stress"]
 
 
-class Receiver(Instrument):
+class Receiver(AtStations):
     """Velocity, displacement, strain and stress at a point anywhere in the bodies.
 
     The values are those of the element at the point, which need not be a node; at element boundaries the mean.
     Displacement and strain are measured from the initial state; the stress is total, with the initial stress of the
-    bodies, tension positive. Strains are components of the tensor: xy is half of the angle of shear.
+    bodies, tension positive. Strains are components of the tensor: xy is half of the angle of shear. A point above the
+    surface, by half an element at most, is moved down to it, and every channel says so.
     """
 
     example: ClassVar[str] = '{ kind = "receiver", name = "point", interval = 2e-7, point = [5.3e-3, 2.2e-3] }'
@@ -34,6 +39,8 @@ class Receiver(Instrument):
     """Name of the body, required at a point of several bodies."""
     fields: Annotated[list[Quantity], Field(min_length=1)] = ["velocity", "displacement", "strain", "stress"]
     """Recorded quantities."""
+    on_surface: bool = False
+    """Put the point on the upper surface of the bodies, whatever its last coordinate: z, in the plane y."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.point", self.point, "xyz" if plane == "solid" else "xy")
@@ -43,7 +50,14 @@ class Receiver(Instrument):
         return [(self.point, self.body)]
 
     def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
-        return channels_of(readings, readings.point(self.point, self.body, key), self.fields)
+        place, moved = readings.at_surface(self.point, self.body, key, self.on_surface)
+        channels = channels_of(readings, place, self.fields)
+        return [replace(channel, long_name=channel.long_name + moved) for channel in channels]
+
+    def places(self, model: Discretisation, key: str) -> list[Inside]:
+        from ruptfx.bodies.space.inside import Inside
+
+        return [Inside.at_surface(model, self.point, self.body, key, anyhow=self.on_surface)[0]]
 
 
 def channels_of(readings: ModelReadings, place: SensedPoint, fields: Sequence[Quantity]) -> list[Channel]:
