@@ -181,6 +181,24 @@ def test_gradients_of_interfaces_that_open_or_close(changes: Any, sizes: Any, co
 
 AGEING = {"kind": "rate_and_state_ageing", "a": 0.008, "b": 0.012, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-6,
           "V_initial": 1e-6}  # fmt: skip
+PULLED = [
+    {"kind": "traction", "edge": edge, "traction": [0.0, pull],
+     "history": {"kind": "sampled", "times": [0.0, 2e-6, 4e-6, 1e-5], "values": [0.0, 1.0, -0.5, -0.5]}}
+    for edge, pull in (("upper.top", 9e6), ("lower.bottom", -9e6))
+]  # fmt: skip
+
+
+def test_the_state_of_open_points_depends_on_how_they_move() -> None:
+    """It evolves with their free slip rate, and counts when they have closed again."""
+    changes = {"boundaries": PULLED, "faults.main.friction": AGEING, "objective": SLIP, "faults.main.contact": SPLIT}
+    case = parse_case(slip_weakening({**RUPTURE, **changes}))
+    sweeps = Objective(case, case.objective).sweeps
+    sigma = sweeps.made.histories[0].rows[:, sweeps.points[0].history.index("normal_stress")]
+    assert 0.1 < np.mean(sigma <= 0) and np.all(sigma[-1] > 0)
+    assert reproduced(sweeps)[0] < 1e-12
+    assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
+
+
 KNOWN = [
     {"kind": "given", "pressure": 1e6, "begin": 1e-6, "end": 5e-6, "rise": 1.7e-6},
     {"kind": "given", "pressure": 5e5, "history": {"kind": "sampled", "times": [0.0, 1e-5], "values": [1.0, 2.0]}},

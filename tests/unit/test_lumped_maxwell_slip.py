@@ -72,6 +72,12 @@ def test_roughness_and_alpha_invert_each_other() -> None:
     # Twice the pressure, twice the roughness at the same alpha.
     assert layer.critical(22, 0.3, 2 * layer.pressure)[0] == pytest.approx(2 * layer.critical(22, 0.3)[0])
     assert [layer.verdict(r, 22, 0.3) for r in (0.1e-6, 5e-6)] == ["stick-slip", "steady"]
+    # Smaller contacts carry larger stresses, so that the bounds are in order; between them nothing is decided.
+    scattered = ContactLayer(contact_fraction_min=0.01, contact_fraction_max=0.02)
+    low, high = scattered.critical(22, 0.3)
+    assert high == pytest.approx(2 * low)
+    judged = [scattered.verdict(r, 22, 0.3) for r in (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)]
+    assert judged == ["stick-slip", "undecided", "undecided", "steady"]
 
 
 def test_verdicts_use_the_transition_that_the_run_finds() -> None:
