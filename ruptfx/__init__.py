@@ -1,17 +1,31 @@
 """Frictional contact and rupture on FEniCSx.
 
-The pipeline, one module per arrow::
+    from ruptfx import read_case, simulate
+    from ruptfx.results import plots
 
-    Case -> mesh -> Model -> stepper -> recorder -> (files) -> Record -> analysis -> plots
+    case = read_case("demos/impact.toml", overrides=["mesh.element_size=4e-3"])
+    record = simulate(case, out="runs/short")            # DOLFINx; lumped models do without it
+    print(record.summary["mode"], record.interface.slip_rate)
+    plots.space_time(record).figure.savefig("impact.pdf")
 
-Nothing heavy is imported here: the lumped models, `Record`, `analysis` and `plots` work without DOLFINx.
+read_case, Case     a case of a TOML file; case.changed(key, value) is another one
+simulate            run a case; the record of the run, or the result of a lumped model
+Record              a run directory as arrays with units: interface, bulk, energy, instruments, summary
+plots               figures of a record
+gradient, infer     derivatives of an objective by its unknowns, and the unknowns from data
+reconstruct         slip rate and traction along an interface from sensors
+RuptfxError         base of all errors: what is wrong, where, and what to do
+
+help(ruptfx.simulate), help(ruptfx.Record) ... say more. In a terminal: ruptfx --help, ruptfx describe, ruptfx demos.
+The pages are in docs/ of a checkout; make docs builds them as a site.
 """
 
 import os
 from importlib import import_module
-from typing import Any, ClassVar
+from typing import Any
 
 from ruptfx.platform import former_modules
+from ruptfx.platform.errors import RuptfxError as RuptfxError
 
 # MPI ranks are the parallelism: threads inside NumPy would only get in each other's way. Before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -33,22 +47,7 @@ _PUBLIC = {
     "Record": "ruptfx.results.record",
     "plots": "ruptfx.results.plots",
 }
-__all__ = ["RuptfxError", "__version__", *_PUBLIC]
-
-
-class RuptfxError(Exception):
-    """Anything the user can act upon: the message says what is wrong, where, and what to do.
-
-    Attributes
-    ----------
-    exit_code : int
-        Exit code of a command that ends with it.
-    at_once : bool
-        True if a command must end without the clean-up of its libraries.
-    """
-
-    exit_code: ClassVar[int] = 1
-    at_once: ClassVar[bool] = False
+# No __all__: `help(ruptfx)` would print the whole of every class in it.
 
 
 def __getattr__(name: str) -> Any:
@@ -59,4 +58,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(["RuptfxError", "__version__", *_PUBLIC])

@@ -240,6 +240,14 @@ MONITORS = (
     Monitor("friction_work", "J/m2", "work of friction per area in all steps", update=_work),
 )  # fmt: skip
 
+ADDED_SHEAR = Field(
+    "added_shear",
+    "Pa",
+    "shear traction that nucleations have added since the start, at the last record",
+    tangential=True,
+)
+"""Only of interfaces with such a nucleation, one number for every point."""
+
 PLACE = {
     "position": ("m", "position along the interface"), "dip": ("m", "distance down dip, from the upper edge"),
     "area": ("m2", "area of the surface that the point stands for"),
@@ -314,5 +322,5 @@ def fields_of_sliding(dim: int) -> tuple[Field, ...]:
 
 def reserved_names() -> frozenset[str]:
     """Return every name used by an interface and its file, for any number of tangents."""
-    fields = (*FIELDS, *DERIVED, *OF_SLIDING, *MONITORS)
+    fields = (*FIELDS, *DERIVED, *OF_SLIDING, *MONITORS, ADDED_SHEAR)
     return frozenset(name for field in fields for tangents in (1, 2) for name in field.names(tangents)) | set(PLACE)

@@ -2,8 +2,9 @@
 
 A run directory contains ``case.toml`` (the resolved case), ``interface.h5`` (histories along the interface;
 with several interfaces ``interface_NAME.h5``), ``bulk.h5`` (snapshots of the two bodies), ``energy.csv``,
-``run.log``, with fracture ``cracks.h5``, ``events.h5`` and ``edges.csv``, ``files.json`` with names and
-checksums of all files, and, written last, ``summary.json``: a run that has it is complete. ``figures/`` follow.
+``run.log``, with faults in 3D ``moment_rate.csv``, with fracture ``cracks.h5``, ``events.h5`` and ``edges.csv``,
+``files.json`` with names and checksums of all files, and, written last, ``summary.json``: a run that has it is
+complete. ``figures/`` follow.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ _MESH = {"points": ("point", "axis"), "cells": ("cell", "corner"), "body": ("poi
 _AGAIN = "if the run is still going, try again in a moment; if it was killed, run the case again"
 _OPTIONAL = {
     **dict.fromkeys(("cracks.h5", "events.h5", "edges.csv"), "[fracture]"), "forces.csv": "sliding contact",
+    "moment_rate.csv": "faults in 3D",
     "instruments.h5": "[[instruments]]", "attachments.h5": "[[attachments]]",
 }  # fmt: skip
 """Files that only runs with a part of a case have."""
@@ -90,7 +92,8 @@ class Files:
         Parts of figures that were left out for want of the plug-ins.
     outside : dict of str to str
         Figures that were left out because their data have no time of this part of the run, with the reason.
-    case, summary, interface, interfaces, bulk, energy, instruments, attachments, forces, cracks, events, edges
+    case, summary, interface, interfaces, bulk, energy, instruments, attachments, forces, cracks, events, edges,
+    moment_rate
         As of `Record`.
 
     Raises
@@ -359,6 +362,10 @@ class Files:
         return self._read_table(path, lambda name: units.get(name.rpartition("_")[2], "1"))
 
     @cached_property
+    def moment_rate(self) -> Data:
+        return self._read_table(self._existing("moment_rate.csv"), lambda name: "N m/s")
+
+    @cached_property
     def edges(self) -> Data:
         path, force = self._existing("edges.csv"), self.sum_unit("N")
         return self._read_table(path, lambda name: "m" if ".displacement_" in name else force)
@@ -475,6 +482,8 @@ class Record(Files):
     forces : xarray.Dataset
         Of `interface`, or the first other one with finite sliding: forces [N/m], fractions of its length and works
         [J/m] against `time` [s].
+    moment_rate : xarray.Dataset
+        Moment rate of every surface by its name [N m/s] against the `time` of every step [s].
     cracks : xarray.Dataset
         Snapshots of all cohesive facets against `time` [s] and `facet`, with `points` [m] and `lines`.
     events : xarray.Dataset
@@ -500,6 +509,7 @@ class Record(Files):
     instruments: dict[str, xarray.Dataset]
     attachments: dict[str, xarray.Dataset]
     forces: xarray.Dataset
+    moment_rate: xarray.Dataset
     cracks: xarray.Dataset
     events: xarray.Dataset
     edges: xarray.Dataset

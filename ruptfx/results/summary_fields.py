@@ -76,7 +76,8 @@ DESCRIPTIONS = {
     "rupture_area": "Area of all surfaces that ruptured.",
     "rupture_speed": "Median of one over the gradient of the rupture time, where there is a front; null without one.",
     "supershear_share": "Share of that part of the surface on which the front is faster than the shear wave beside it.",
-    "stress_drop": "Fall of the shear traction of all surfaces, weighted with the slip (Noda et al. 2013).",
+    "stress_drop": "Fall of the shear traction of all surfaces from the initial one and what nucleations have added, "
+    "weighted with the slip (Noda et al. 2013).",
     "radiated_energy": "Energy radiated by all surfaces: mean work of the initial and final tractions on the slip, "
     "less what friction and cohesion take; null unless the rupture is over and driven by its initial stress alone.",
     "first_peak_stress": "Of a rectangular specimen, positive in compression: first maximum that is followed by a "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 import re
 import subprocess
@@ -71,6 +72,27 @@ def test_formulas_are_set_and_no_latex_is_left(site: Path) -> None:
     assert left == {}
     set_ = {path.stem: path.read_text().count("<math") for path in (site / "explanation").glob("*.html")}
     assert set_["weak_form"] > 10 and set_["cracks"] > 5 and set_["sliding"] > 2 and set_["notation"] > 20
+
+
+def test_the_font_of_the_site_has_every_character_of_its_formulas(site: Path) -> None:
+    """Single letters are set in italics; the table MATH has the places of subscripts and roots."""
+    from fontTools.ttLib import TTFont
+
+    css = (site / "_static" / "site.css").read_text(encoding="utf-8")
+    (name,) = re.findall(r'@font-face \{ font-family: "ruptfx Math"; src: url\("([^"]+)"\)', css)
+    assert re.search(r'math \{ font-family: [^}]*"ruptfx Math"', css)
+    with TTFont(site / "_static" / name) as font:
+        assert "MATH" in font
+        known = set(font.getBestCmap())
+    formulas = [html.unescape(text) for path in site.rglob("*.html")
+                for text in re.findall(r"<math.*?</math>", path.read_text(encoding="utf-8"), re.DOTALL)]  # fmt: skip
+    letters = set("".join(re.sub(r"<[^>]*>", "", text) for text in formulas))
+    single = {letter for text in formulas for letter in re.findall(r"<mi>(.)</mi>", text)}
+    italic = {0x1D434 + ord(each) - ord("A") if each.isupper() else 0x1D44E + ord(each) - ord("a")
+              for each in single if each.isascii() and each not in "h"}  # fmt: skip
+    assert len(formulas) > 100 and len(italic) > 20
+    assert {each for each in letters if ord(each) not in known and not each.isspace()} == set()
+    assert italic <= known
 
 
 @browser

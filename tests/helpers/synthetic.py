@@ -291,6 +291,8 @@ def write_surface_run(
     if branch:
         case["faults"] = {"main": {}, "branch": {}}
         _write_surface(path / "interface_branch.h5", time, speed, structured, "branch", 0.5, 1.0, 2.0)
+        rows = [f"{t},{1e18 * t},{3e18 * t**2}" for t in np.linspace(0.0, 10.0, 3 * count).tolist()]
+        (path / "moment_rate.csv").write_text("\n".join(["# every step", "time,main,branch", *rows]) + "\n")
     _write_surface(path / f"interface{'_main' * branch}.h5", time, speed, structured, slides=slides)
     if slides:
         # The same force at an angle whose cosine is 0.6 to the first tangent.

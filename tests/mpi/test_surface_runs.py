@@ -51,6 +51,22 @@ def test_files_from_1_2_and_3_ranks(runs: Path) -> None:
         assert summary["moment"] == pytest.approx(moment, rel=1e-9) and summary["energy_closure"] < 1e-12
 
 
+def test_the_moment_rate_is_that_of_every_step(runs: Path) -> None:
+    """At the records it is that of the fields; its integral is the moment; ranks do not matter."""
+    with Record(runs / "1") as record, Record(runs / "3") as other:
+        data, table = record.interface, record.moment_rate
+        time, rate = table["time"].values, table["main"].values
+        assert len(time) == record.summary["steps"] and (np.diff(time) > 0).all()  # the first step completes the start
+        speed = np.hypot(data.slip_rate_1, data.slip_rate_2)
+        expected = 5.3e9 / 2.7 * (data.area * speed).sum("point").values
+        rows = [int(np.argmin(np.abs(time - each))) for each in data.time.values]
+        np.testing.assert_allclose(rate[rows], expected, atol=1e-9 * expected.max())
+        # Slip is the sum of the slip rates over the steps; no point turns.
+        assert np.trapezoid(rate, time) == pytest.approx(record.summary["moment"], rel=0.02)
+        np.testing.assert_allclose(other.moment_rate["main"], rate, atol=1e-10 * rate.max())
+        assert table["main"].attrs["units"] == "N m/s"
+
+
 def runs_agree(case: Path, folder: Path) -> None:
     """Run a case on 1 and 2 ranks, in folders of these names, and compare the files."""
     for ranks in (1, 2):
@@ -84,6 +100,8 @@ def test_a_killed_run_goes_on_to_the_same_bits(ranks: int, runs: Path, tmp_path:
     # Of the energies, `impact_loss` is rounding here, 1e-18 of the work: the normal of this fault does not move.
     assert differences.pop("energy.csv") < 1e-16
     assert max(differences.values()) == 0
+    one, other = ((folder / "moment_rate.csv").read_text() for folder in (runs / str(ranks), tmp_path / "run"))
+    assert one == other and len(one.splitlines()) == 2 + 31
 
 
 def test_a_rough_fault_under_a_tensor_is_the_same_on_2_ranks(tmp_path: Path) -> None:
@@ -103,3 +121,11 @@ def test_a_rough_fault_under_a_tensor_is_the_same_on_2_ranks(tmp_path: Path) -> 
     with Record(tmp_path / "2") as record:
         assert np.ptp(record.interface.shear_traction_1.isel(time=0).values) > 1e4
         assert record.interface.slip_1.max() > 1e-8
+        data = record.interface
+        centre = np.argmin(np.hypot(data.position, data.z + 3e-3).values)  # 1 / (1 - (r / R)^2) less 1 in the exponent
+        assert np.hypot(data.added_shear_1, data.added_shear_2).values[centre] == pytest.approx(2e6, rel=0.05)
+        fallen = (data.shear_traction_1[0] + data.added_shear_1 - data.shear_traction_1[-1], data.shear_traction_2[0]
+                  + data.added_shear_2 - data.shear_traction_2[-1])  # fmt: skip
+        slip = (data.slip_1[-1], data.slip_2[-1])
+        drop = (data.area * (fallen[0] * slip[0] + fallen[1] * slip[1])).sum() / (data.area * np.hypot(*slip)).sum()
+        assert record.summary["stress_drop"] == pytest.approx(float(drop), rel=1e-9) and drop > 0

@@ -137,6 +137,15 @@ def test_stress_drop_is_weighted_with_the_slip():
     assert stress_drop(resting_crack(lambda r: 2e6 * (r / 1e3) ** 2)[0]) == pytest.approx(0.8e6, rel=1e-3)
 
 
+def test_what_a_nucleation_adds_counts_in_the_stress_drop():
+    """A traction that rises by 5 MPa while a nucleation adds 7 MPa has fallen by 2 MPa."""
+    data = resting_crack(lambda r: -5e6 + 0 * r)[0]
+    assert stress_drop(data) == pytest.approx(-5e6, rel=1e-12)
+    added = {"added_shear_1": ("point", np.full(data.sizes["point"], 7e6)),
+             "added_shear_2": ("point", np.full(data.sizes["point"], 3e6))}  # fmt: skip
+    assert stress_drop(data.assign(added)) == pytest.approx(2e6, rel=1e-12)
+
+
 def test_a_crack_radiates_what_fracture_does_not_take():
     """Half of the drop works on the slip: 8/7 d^2 a^3 / mu. Slow growth takes all of it: the mean of G over the rim,
     12 / (7 pi) d^2 r / mu, integrated over the area."""

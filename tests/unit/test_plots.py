@@ -1,5 +1,6 @@
 """Figures: guide lines where they belong, odd runs, and an image that is right in itself."""
 
+import tomllib
 from types import SimpleNamespace
 from unittest.mock import patch
 
@@ -21,6 +22,7 @@ from ruptfx.results.analysis import summarise
 from ruptfx.results.analysis.compression import emission_of
 from ruptfx.results.analysis.raster import Raster
 from ruptfx.results.figure_style import edges, limit, new_figure, save, scale, style
+from ruptfx.results.plots import surface_maps as _surface_maps
 from ruptfx.results.plots._panels import _displaced
 from ruptfx.results.plots._record import default_times
 from ruptfx.results.plots.cycles import ruptures
@@ -344,12 +346,13 @@ def test_statistics_of_emission_need_more_than_50_events(tmp_path, failed, drawn
 def test_panels_of_emission_have_data(tmp_path):
     """Radii of the rose begin at zero; where no event counts there is no panel of events, and all sentences end."""
     with crushed(tmp_path, 120) as record:
-        figure = plots.emission(record).figure
-        (rose,) = [ax for ax in figure.axes if ax.name == "polar"]
-        assert rose.get_ylim()[0] == 0 and rose.get_visible()
+        drawn = plots.emission(record).flat
+        assert len(drawn) == 4 and not any(ax.name == "polar" for ax in drawn)  # load, map, magnitudes, rates
+        assert plots.emission(record, field="rose").get_ylim()[0] == 0
+        assert "Black" not in remarks(plots.emission(record, field=["load", "map"]).figure)
         none = plots.emission(record, found=emission_of(record, smallest=10.0, failure_time=0.0)).figure
         assert len([ax for ax in none.axes if ax.get_visible()]) == 2
-        assert ": ." not in remarks(none) and "least." in remarks(none)
+        assert ": ." not in remarks(none) and "radiate." in remarks(none)
 
 
 def test_panels_of_cracks_have_data(tmp_path):
@@ -532,6 +535,65 @@ def test_every_surface_has_a_panel_with_the_same_colours(branched):
     meshes = [ax.collections[0] for ax in axes.flat]
     assert [mesh.get_array().max() for mesh in meshes] == [1.0, 2.0, 1.0, 2.0]
     assert len({mesh.get_clim() for mesh in meshes}) == 1
+
+
+def test_times_of_maps_are_those_of_equal_areas(tmp_path):
+    """A front that leaves the middle at 2.5 km/s and a point that ruptures at 10 s: sixths of the area."""
+    path = synthetic.write_surface_run(tmp_path / "run", count=401)
+    with h5py.File(path / "interface.h5", "a") as file:
+        file["rupture_time"][0] = 10.0
+    with Record(path) as record:
+        titles = [ax.get_title(loc="right") for ax in plots.slip_rate_maps(record).flat]
+        data = record.interface
+        distance = np.hypot(data.position, data.dip - 10e3).values
+        area = [float(data.area.values[distance <= 2500.0 * float(title.split()[0])].sum()) for title in titles]
+    np.testing.assert_allclose(np.array(area) / area[-1] * 0.98, [1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6, 0.98], atol=0.03)
+
+
+def test_single_contacts_have_no_front(tmp_path):
+    """Every third point slides: dots without lines, and no speed; groups of five have both."""
+    path = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)
+    for group, lines in ((1, False), (5, True)):
+        with h5py.File(path / "interface.h5", "a") as file:
+            arrival = np.linspace(1e-6, 30e-6, len(POSITION))
+            file["rupture_time"][:] = np.where(np.arange(len(POSITION)) % (group + 2) < group, arrival, np.nan)
+        with Record(path) as record:
+            times, speeds = plots.front(record).flat
+            assert (times.lines[0].get_linestyle() == "-") is lines
+            assert np.isfinite(speeds.lines[0].get_ydata()).any() == lines
+
+
+def test_instruments_of_one_quantity_have_one_scale(tmp_path):
+    """Velocities of 2 and 1 m/s share unit and limits; one of 1 mm/s has the unit, and limits of its own."""
+    path = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)
+    sizes = {"a": 2.0, "b": 1.0, "c": 1e-3}
+    case = tomllib.loads((path / "case.toml").read_text())
+    case["instruments"] = [{"kind": "receiver", "name": name, "point": [0.0, 0.0], "interval": 1e-6} for name in sizes]
+    (path / "case.toml").write_text(tomli_w.dumps(case))
+    time = np.linspace(0.0, 30e-6, 31)
+    for number, (name, size) in enumerate(sizes.items()):
+        columns = {f"velocity_{axis}": ("time", part * size * np.sin(time * 1e5), {"units": "m/s"})
+                   for axis, part in (("x", 1.0), ("y", 0.5))}  # fmt: skip
+        xarray.Dataset(columns, {"time": time}).to_netcdf(
+            path / "instruments.h5", "a" if number else "w", group=name, engine="h5netcdf"
+        )
+    with Record(path) as record:
+        axes = plots.instruments(record).flat[:3]
+        assert len({ax.get_ylabel() for ax in axes}) == 1
+        assert axes[0].lines[0].get_ydata().max() / axes[2].lines[0].get_ydata().max() == pytest.approx(2e3)
+        assert axes[0].get_ylim()[0] == axes[1].get_ylim()[0] < 100 * axes[2].get_ylim()[0] < 0
+        assert len({line.get_linestyle() for line in axes[0].lines}) == 2  # components differ in print
+
+
+def test_a_map_without_contours_does_not_speak_of_them(branched):
+    """Rupture times of neighbours that differ at random have no contours."""
+    with_contours = remarks(plots.rupture_map(branched).figure)
+    assert with_contours.startswith("Contours")
+    ax = Figure().add_subplot()
+    data = branched.interface
+    assert _surface_maps.contours(ax, data, data["rupture_time"].values, np.array([1.0, 2.0]))
+    assert not _surface_maps.contours(ax, data, data["rupture_time"].values, np.array([100.0, 200.0]))
+    assert not _surface_maps.contours(ax, data, data["rupture_time"].values, np.array([1.0]), largest=1e-9)
 
 
 def test_slip_rates_of_cycles_have_logarithmic_colours(tmp_path):

@@ -16,6 +16,7 @@ from helpers.messages import facts, says
 from helpers.small_cases import SPLIT, plates
 from pydantic import ValidationError
 
+import ruptfx
 from ruptfx import RuptfxError
 from ruptfx.app.commands._shared import reported
 from ruptfx.app.reference.describe import TOPICS, entries, file_schema
@@ -230,6 +231,14 @@ def test_base_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_help_of_the_package_is_short_and_names_everything() -> None:
+    """Two screens of 30 lines, where the classes in full took a thousand; each public name is in its text."""
+    code = "import pydoc, ruptfx; print(pydoc.plain(pydoc.render_doc(ruptfx)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert len(done.stdout.splitlines()) < 60
+    assert [name for name in dir(ruptfx) if name not in done.stdout and name != "__version__"] == []
 
 
 def test_the_public_names_are_listed() -> None:

@@ -216,14 +216,17 @@ def work(data: Data, row: int) -> float:
 def stress_drop(*surfaces: Data) -> float:
     """Return the slip-weighted stress drop of surfaces at the last record [Pa]; NaN without slip.
 
-    It is the work of the fall of the shear traction since the first record on the slip, over the integral of the slip.
+    It is the work of the fall of the shear traction on the slip, over the integral of the slip. The traction falls from
+    that of the first record and what nucleations have added since; runs of earlier versions do not have the latter.
     Source: Noda, Lapusta and Kanamori (2013).
     """
     fallen = weight = 0.0
     for data in surfaces:
         slip = [data[f"slip_{i}"].values[-1] for i in (1, 2)]
-        falls = (data[f"shear_traction_{i}"].values[[0, -1]] for i in (1, 2))
-        dropped = sum((first - last) * moved for (first, last), moved in zip(falls, slip, strict=True))
+        falls = [data[f"shear_traction_{i}"].values[0] - data[f"shear_traction_{i}"].values[-1] for i in (1, 2)]
+        if "added_shear_1" in data:
+            falls = [fall + data[f"added_shear_{i}"].values for i, fall in enumerate(falls, 1)]
+        dropped = sum(fall * moved for fall, moved in zip(falls, slip, strict=True))
         area = data["area"].values
         fallen, weight = fallen + float(area @ dropped), weight + float(area @ np.hypot(*slip))
     return fallen / weight if weight > 0 else np.nan

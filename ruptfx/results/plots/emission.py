@@ -17,10 +17,7 @@ from ruptfx.results.plots.cracks import COLOURS
 from ruptfx.results.record import Files
 
 PANELS = ("load", "map", "magnitudes", "distances", "rose", "rates")
-ROWS = (
-    *[("load", "map")] * 2, *[("magnitudes", "map")] * 2, ("distances", "map"), ("distances", "rose"),
-    *[("rates", "rose")] * 2,
-)  # fmt: skip
+DEFAULT = ("load", "map", "magnitudes", "rates")
 LEAST = 50  # events: the minimum for statistics
 LARGEST_MARK = 40.0  # points^2
 
@@ -34,29 +31,30 @@ def suits(record: Files) -> bool:
 def emission(
     sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None, found: Emission | None = None
 ) -> None:
-    """Draw stress and events, their positions, magnitudes, distances, rates and directions; no empty panel.
+    """Draw stress and events, their positions, magnitudes and rates, or distances and directions; no empty panel.
 
     Statistics are those of the whole run. The rose needs polar axes.
 
     Parameters
     ----------
     field
-        Panels: "load", "map", "magnitudes", "distances", "rose", "rates". Default: all that have data.
+        Panels: "load", "map", "magnitudes", "distances", "rose", "rates". Default: those of these that have data, but
+        for "distances" and "rose".
     found : Emission, optional
         Statistics with other limits than the default.
     """
     found = emission_of(record) if found is None else found
     empty = {"magnitudes": not len(found.linked), "distances": not isinstance(found.of_events.D, FractalDimension),
              "rates": not len(found.seismic), "rose": not found.before.any()}  # fmt: skip
-    wanted = sheet.choose(field, [name for name in PANELS if not empty.get(name)])
+    filled = [name for name in PANELS if not empty.get(name)]
+    wanted = sheet.choose(field, filled)
+    if field is None:
+        wanted = [name for name in wanted if name in DEFAULT]
     polar = {"rose": {"projection": "polar"}}
-    if len(wanted) == 1:
-        alone = {name: options for name, options in polar.items() if name in wanted}
-        axes = sheet.mosaic(wanted, [wanted], WIDTH / 2, 2.8, per_subplot_kw=alone)
-    else:  # left, one above the other: load, sizes, distances, times; right: the map and the rose
-        axes = sheet.mosaic(list(PANELS), [[*each] for each in ROWS], WIDTH, 8.6, per_subplot_kw=polar)
-        for name in set(PANELS) - set(wanted):
-            axes.pop(name).set_visible(False)
+    across = min(2, len(wanted))
+    rows = [[*wanted[i : i + across], *"." * (across - len(wanted[i:]))] for i in range(0, len(wanted), across)]
+    shapes = {name: options for name, options in polar.items() if name in wanted}
+    axes = sheet.mosaic(wanted, rows, WIDTH * across / 2, 0.4 + 2.4 * len(rows), per_subplot_kw=shapes)
     draws: dict[str, Callable[[Axes], None]] = {
         "load": lambda ax: _load(sheet, ax, record, found), "map": lambda ax: _map(sheet, ax, record, found),
         "magnitudes": lambda ax: _magnitudes(ax, found), "distances": lambda ax: pairs(ax, found.of_events.D),
@@ -66,23 +64,25 @@ def emission(
     for name in wanted:
         draws[name](axes[name])
     sheet.letter([axes[name] for name in wanted])
-    sheet.remark(*_remarks(found))
+    sheet.remark(*_remarks(found, wanted))
 
 
-def _remarks(value: Emission) -> list[str]:
+def _remarks(value: Emission, wanted: Sequence[str]) -> list[str]:
     when = "of the whole run"
     if value.failure_time is not None:
         size, unit = scale(value.failure_time, "s")
         when = f"before {value.failure_time / size:.4g} {unit}"
     shares = ", ".join(f"{name} {share:.0%}" for name, share in value.shares.items() if len(value.seismic))
-    of_these = f"{len(value.seismic)} of these radiate a magnitude of -10 at least"
+    of_these = f"{len(value.seismic)} of these radiate{f': {shares}' if shares else ''}"
     known = {part: share for part, share in value.tensile_shares.items() if np.isfinite(share)}
     windows = ", ".join(f"{share:.0%} until {part:.0%}" for part, share in known.items())
+    failed = f"{len(value.events)} facets failed"
     return [
-        f"{len(value.events)} facets failed, {value.before.sum()} {when}; {of_these}{f': {shares}' if shares else ''}.",
+        f"{failed}; {of_these}." if value.before.all() else f"{failed}, {value.before.sum()} {when}; {of_these}.",
         f"Tensile share by window: {windows} of that time." if windows else "",
-        "Circles in b: events of these, grey: facets that failed until the end. Black in c: clusters of the whole run.",
-    ]  # fmt: skip
+        "Circles: events that radiate, grey: all facets that failed." if "map" in wanted else "",
+        "Black: clusters of the whole run." if "magnitudes" in wanted else "",
+    ]
 
 
 def _magnitudes(ax: Axes, emission: Emission) -> None:

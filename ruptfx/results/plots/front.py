@@ -24,6 +24,7 @@ from ruptfx.results.record import Data, Files
 
 PANELS = ("rupture_time", "rupture_speed")
 SLOW = 0.02  # of the slowest wave speed: slower fronts are drawn without wave speeds
+CONNECTED = 5  # points that slide side by side, of which a front can run
 ROOM = 0.07  # height of a label over that of a panel
 
 
@@ -38,7 +39,8 @@ def front(sheet: Sheet, record: Files, *, x: Window | None = None, field: str | 
 
     The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface, or of five
     points where that is more; a window with fronts in both directions, as around an inner origin, has none. A panel
-    without a speed states why. Fronts far slower than waves are drawn without wave speeds.
+    without a speed states why. Fronts far slower than waves are drawn without wave speeds. Where most points that slide
+    have no neighbours that do, as contacts of rough surfaces, there is no front: neither lines nor a speed are drawn.
 
     Parameters
     ----------
@@ -56,7 +58,8 @@ def front(sheet: Sheet, record: Files, *, x: Window | None = None, field: str | 
     if "rupture_time" in panels:
         ax = panels["rupture_time"]
         t_size, t_unit = sheet.scale("time", end_time(record), "s")
-        ax.plot(position / x_size, arrival / t_size, ".-", ms=2, color="#1a1a1a")  # a point may stand alone
+        style = "." if _is_scattered(arrival) else ".-"
+        ax.plot(position / x_size, arrival / t_size, style, ms=2, color="#1a1a1a")  # a point may stand alone
         ax.set_ylabel(f"Rupture time ({t_unit})")
         if not np.isfinite(arrival).any():
             note(ax, "no sliding")
@@ -80,6 +83,9 @@ def _speed(sheet: Sheet, ax: Axes, record: Files, data: Data, x_size: float) -> 
     window = max(0.05 * np.ptp(everywhere), 5 * float(np.median(np.diff(everywhere))))
     local = np.abs(local_speed(position, arrival, window))
     local[_both_ways(position, arrival, window)] = np.nan
+    scattered = _is_scattered(arrival)
+    if scattered:
+        local[:] = np.nan
     together = local > 3 * fastest
     local[together] = np.nan
     shown = np.append(local[np.isfinite(local)], 0.0)
@@ -107,10 +113,20 @@ def _speed(sheet: Sheet, ax: Axes, record: Files, data: Data, x_size: float) -> 
         )
     if not np.isfinite(arrival).any():
         note(ax, "no sliding")
+    elif scattered:
+        note(ax, "no front: single\ncontacts slide")
     elif len(shown) == 1:
         note(ax, "no front: the points\nslide at once" if together.any() else "no speed: fewer than four points\n"
              "of a window slid one after another")  # fmt: skip
     return bool(speeds)
+
+
+def _is_scattered(arrival: Array) -> bool:
+    """Return whether less than half of the points that slide are in groups of `CONNECTED` neighbours that do."""
+    slides = np.isfinite(arrival)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], slides, [False]])))
+    lengths = ends[1::2] - ends[::2]
+    return bool(slides.any() and lengths[lengths >= CONNECTED].sum() < 0.5 * slides.sum())
 
 
 def spread(heights: Array, room: float) -> Array:

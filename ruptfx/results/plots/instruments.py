@@ -17,6 +17,8 @@ from ruptfx.results.record import Data, Files
 MOST = 12  # largest number of panels of a figure
 LEGEND = 0.18  # height of a legend line over that of a panel
 SHORT = 9  # letters of a label of which three fit side by side
+SMALLEST = 0.1  # of the largest range of the panels of a quantity: smaller ones have an axis of their own
+MARGIN = 0.05  # of the range of an axis, on both sides
 LABEL = 20  # letters per line of an axis label
 LINES = ("-", "--", ":")
 _COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
@@ -35,6 +37,8 @@ def _signals(record: Files) -> list[str]:
 @figure
 def instruments(sheet: Sheet, record: Files, *, field: str | Sequence[str] | None = None) -> None:
     """Draw samples against time: a panel per instrument and unit, without channels that are zero throughout.
+
+    Panels of one quantity have one unit, and one scale but for those that fill less than a tenth of it.
 
     If there are more panels than fit a page, a remark states how many are missing.
 
@@ -56,22 +60,27 @@ def instruments(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
     latest = max(float(each["time"].values[-1]) for each in data.values() if each.sizes["time"])
     t_size, t_unit = sheet.scale("time", latest, "s")
     zero = []
-    for ax, (name, unit, channels) in zip(axes.ravel(), shown, strict=False):
-        values = {channel: np.asarray(data[name][channel].values) for channel in channels}
-        drawn = [channel for channel in channels if values[channel].any()] or channels[:1]
+    drawn_of = {number: _drawn(data[name], channels) for number, (name, _, channels) in enumerate(shown)}
+    quantities = [(_kinds(drawn_of[number])[0], unit) for number, (_, unit, _) in enumerate(shown)]
+    for number, (ax, (name, unit, channels)) in enumerate(zip(axes.ravel(), shown, strict=False)):
+        drawn = drawn_of[number]
         zero += [f"{name}.{channel}" for channel in channels if channel not in drawn]
-        together = np.array([values[channel] for channel in drawn])
-        kinds = list(dict.fromkeys(_COMPONENT.sub("", channel) for channel in drawn))
-        size, printed = sheet.scale(kinds[0], together, unit)
+        kinds = _kinds(drawn)
+        alike = [i for i, quantity in enumerate(quantities) if quantity == quantities[number]]
+        every = np.concatenate([np.ravel(data[shown[i][0]][channel].values) for i in alike for channel in drawn_of[i]])
+        size, printed = sheet.scale(kinds[0], every, unit)
         if unit == "1" and not sheet.asks(kinds[0]):
             size, printed = 1e-6, "µε"
-        for channel, line in zip(drawn, together, strict=True):
-            # An extension along x equals the strain xx: line styles keep both visible.
-            style = LINES[kinds.index(_COMPONENT.sub("", channel)) % len(LINES)]
+        for index, channel in enumerate(drawn):
+            # An extension along x equals the strain xx: line styles keep both visible, and components in print.
+            style = LINES[(kinds.index(_COMPONENT.sub("", channel)) if len(kinds) > 1 else index) % len(LINES)]
             named = _COMPONENT.search(channel)
             alone = named and len(kinds) == 1 and len(drawn) > 2
             label = named[1] if named and alone else channel_label(channel, data[name][channel].attrs)
-            ax.plot(data[name]["time"].values / t_size, line / size, style, label=label)
+            ax.plot(data[name]["time"].values / t_size, data[name][channel].values / size, style, label=label)
+        limits = _limits([np.array([data[shown[i][0]][key].values for key in drawn_of[i]]) for i in alike])
+        if (together := limits.get(alike.index(number))) is not None:
+            ax.set_ylim(*(end / size for end in together))
         ax.set_ylabel(f"{fill(_common(drawn), LABEL)}\n({printed})")
         ax.set_title(name, loc="right")
         if len(drawn) > 1:
@@ -117,6 +126,26 @@ def _panels(data: Mapping[str, Data], field: str | Sequence[str] | None) -> list
         for unit in dict.fromkeys(units.values()):
             panels.append((name, unit, [key for key in dict.fromkeys(keys) if units[key] == unit]))
     return panels
+
+
+def _drawn(data: Data, channels: list[str]) -> list[str]:
+    """Return the channels that are not zero throughout, at least one."""
+    return [channel for channel in channels if np.any(data[channel].values)] or channels[:1]
+
+
+def _kinds(channels: list[str]) -> list[str]:
+    """Return the names of channels without their components, each once."""
+    return list(dict.fromkeys(_COMPONENT.sub("", channel) for channel in channels))
+
+
+def _limits(panels: Sequence[np.ndarray]) -> dict[int, tuple[float, float]]:
+    """Return the common limits of the axes of panels by their numbers, without those whose range is small."""
+    spans = [float(np.ptp(values)) if values.size else 0.0 for values in panels]
+    large = [number for number, span in enumerate(spans) if span > SMALLEST * max(spans)]
+    if len(large) < 2:
+        return {}
+    low, high = (float(end([end(panels[number]) for number in large])) for end in (np.min, np.max))
+    return dict.fromkeys(large, (low - MARGIN * (high - low), high + MARGIN * (high - low)))
 
 
 def _common(channels: list[str]) -> str:

@@ -56,17 +56,20 @@ def rupture_map(
         levels = step * np.arange(np.ceil(known.min() / step), np.floor(known.max() / step) + 1)
         largest = _surface.largest_difference(surfaces.values(), step)
         said = f"Contours: rupture time, every {step / t_size:g} {t_unit}, labels in {t_unit}."
+    contoured = False
     for ((_, column), ax), (name, data) in zip(np.ndenumerate(axes), surfaces.items(), strict=True):
         drawn = _surface.draw(ax, data, slips[name] / size, norm, RATE_MAP, x_scale, stretch)
         if step:
             times = data["rupture_time"].values / t_size
-            _surface.contours(ax, data, times, levels / t_size, lengths=x_scale, largest=largest / t_size)
+            contoured |= _surface.contours(ax, data, times, levels / t_size, lengths=x_scale, largest=largest / t_size)
         _surface.label(ax, data, column == 0, lengths=x_scale)
         _surface.window(ax, x, x_scale, sheet.name)
         if len(record.interfaces) > 1:
             ax.set_title(name, loc="right")
     sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"Slip ({unit})", shrink=0.7 if len(axes) > 1 else 1.0)
     sheet.letter(axes)
+    if step and not contoured:
+        said = "No contours: rupture times of neighbours are too far apart."
     sheet.remark(said, _surface.stretched(stretch))
 
 

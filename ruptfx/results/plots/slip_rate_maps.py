@@ -21,7 +21,7 @@ UNITS = {"slip_rate": "m/s", "slip": "m", "shear_traction": "Pa"}
 COLUMNS = 2
 SLOW = 1e3  # longest over shortest time between records, from which a run has slow times, as cycles have
 DECADES, SLOWEST = 1e2, 1e-10  # largest slip rate over the median, and least over the largest, of logarithmic colours
-MAPS = 6
+MAPS, NEARLY_ALL = 6, 0.98
 
 
 def suits(record: Files) -> bool:
@@ -46,7 +46,8 @@ def slip_rate_maps(
     Parameters
     ----------
     at
-        Times [s]; the nearest saved ones are drawn. Default: six while the rupture runs, the fastest one of cycles.
+        Times [s]; the nearest saved ones are drawn. Default: six, between which equal areas rupture; of cycles those of
+        the fastest rupture.
     fault : str or sequence of str, optional
         Names of surfaces. Default: all.
     field : str
@@ -123,11 +124,21 @@ def _in_fastest(surfaces: Mapping[str, Data]) -> Array:
 
 
 def _while_it_runs(surfaces: Mapping[str, Data]) -> Array:
-    """Return six times between the first and the last rupture of a point, or of the whole run without one [s]."""
+    """Return six times at which equal parts of the ruptured area have ruptured [s].
+
+    They are those of a sixth to nearly all of it: a few points that rupture late do not count. Without a rupture they
+    are equidistant in the whole run.
+    """
     arrival = np.concatenate([data["rupture_time"].values for data in surfaces.values()])
+    area = np.concatenate([data["area"].values for data in surfaces.values()])
     saved = next(iter(surfaces.values()))["time"].values
-    ends = arrival[np.isfinite(arrival)] if np.isfinite(arrival).any() else saved
-    return np.linspace(ends.min(), ends.max(), 7)[1:]
+    ruptured = np.flatnonzero(np.isfinite(arrival))
+    if not len(ruptured):
+        return np.linspace(saved.min(), saved.max(), MAPS + 1)[1:]
+    order = ruptured[np.argsort(arrival[ruptured], kind="stable")]
+    part = np.cumsum(area[order])
+    shares = np.append(np.arange(1, MAPS) / MAPS, NEARLY_ALL)
+    return np.interp(shares * part[-1], part, arrival[order])
 
 
 def _at(data: Data, field: str, row: int) -> Array:

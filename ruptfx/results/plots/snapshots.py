@@ -114,7 +114,8 @@ def snapshots(
     t_size, t_unit = sheet.scale("time", saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
-    known = "" if strengths is None else "Dotted beside the shear traction: the strength."
+    drawn = strengths is not None and bool(np.isfinite(strengths).any())
+    known = "Dotted beside the shear traction: the strength." if drawn else ""
     grey = "Grey: the faces are open, without a slip rate." if away.any() and "slip_rate" in meant else ""
     beyond = "Single values beyond the axes of the tractions are not shown." if cut else ""
     backward = turned(record) if any(signed(record, name) < 0 for name in meant) else ""

@@ -115,8 +115,10 @@ def draw(
 def contours(  # noqa: PLR0913
     ax: Axes, data: Data, times: Array, levels: Array, colour: str = "#1a1a1a", style: str = "solid",
     labels: bool = True, lengths: Lengths | None = None, largest: float = np.inf,
-) -> None:  # fmt: skip
-    """Draw contours of times at the points of a surface, every other one with a label; none where they are NaN.
+) -> bool:  # fmt: skip
+    """Draw contours of times at the points of a surface, every other one with a label; return whether there is one.
+
+    There is none where times are NaN.
 
     Nor are there contours around neighbours whose times differ by more than `largest`, and pieces of contours that are
     as short as a few points are left out.
@@ -128,7 +130,7 @@ def contours(  # noqa: PLR0913
     jumps[triangles.triangles[apart > largest]] = True
     left_out = ~np.isfinite(apart) | jumps[triangles.triangles].any(axis=1)
     if left_out.all():
-        return
+        return False
     triangles.set_mask(left_out)
     look: dict[str, Any] = {"colors": colour, "linewidths": 0.6, "linestyles": style}
     lines: ContourSet = ax.tricontour(triangles, np.nan_to_num(values), levels, **look)
@@ -140,6 +142,7 @@ def contours(  # noqa: PLR0913
     if labels:
         for text in ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6):
             text.set_path_effects([rim])
+    return any(len(path.vertices) for path in lines.get_paths())
 
 
 def _long_pieces(path: Path, shortest: float) -> Path:

@@ -242,9 +242,10 @@ class Checkpoint:
         state.numbers = dict(self.manifest["numbers"])
 
     def recall(self, keepers: Mapping[str, Keeper]) -> None:
-        """Restore the data of all objects besides the state."""
+        """Restore the data of all objects besides the state; checkpoints of earlier versions lack some of them."""
         for name, keeper in keepers.items():
-            keeper.restore(self.manifest["memory"][name])
+            if name in self.manifest["memory"]:
+                keeper.restore(self.manifest["memory"][name])
 
 
 def _make_anew(folder: Path) -> None:

@@ -9,7 +9,7 @@ import h5netcdf
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.input.fields import INTERFACE_FIELDS, MONITORS, PLACE, Field
+from ruptfx.input.fields import ADDED_SHEAR, INTERFACE_FIELDS, MONITORS, PLACE, Field
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.run.recording.growing_file import GrowingFile
 
@@ -59,8 +59,9 @@ class InterfaceFile(GrowingFile):
             known = INTERFACE_FIELDS.get(name)
             text = f"state variable {name}" if known is None else known.long_name
             _variable(file, name, ("time", axis), unit, text)
-        for monitor in MONITORS:
-            _variable(file, monitor.name, (axis,), monitor.unit, monitor.long_name)
+        for field in (*MONITORS, *[ADDED_SHEAR] * fault.is_loaded):
+            for name in field.names(fault.tangents):
+                _variable(file, name, (axis,), field.unit, field.long_name)
         file.attrs.update(attributes)
         self.flush()
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.bodies.space.edges import Edge
+from ruptfx.input.fields import ADDED_SHEAR
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.faults.interface import FLAT, Interface
 from ruptfx.interfaces.faults.sides import Sides, sides_of
@@ -92,6 +93,9 @@ class FaultRecords(Records):
     def _gather(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
         """Return every field of a fault in order along the interface, on rank 0; needs an up-to-date displacement."""
         face, fields = fault.interface, self._of[fault.name].recorded(fault, state)
+        if fault.is_loaded:
+            added = fault.load(state.fault_time) - fault.load(0.0)
+            fields = fields | dict(zip(ADDED_SHEAR.names(fault.tangents), added.T, strict=True))
         return parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
 
     def append(self, time: float, data: dict[str, dict[str, np.ndarray]]) -> None:
