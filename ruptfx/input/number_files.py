@@ -1,8 +1,10 @@
 """Numbers from text files, in SI units; errors give the file and the line.
 
 `read_table` is the only reader. Columns are separated by semicolons, tabs, commas or blanks, cells may be quoted, and
-exponents may be those of Fortran (1.5D-3). A header may give the unit of a column: `time (us)`, `time [us]`, `t/us`,
-`time us`, `time_us`, or units alone in a line below the names. A column whose header has no unit is in SI units.
+exponents may be those of Fortran (1.5D-3). Decimal commas are read where neither columns nor decimal points need the
+comma, times of day as seconds since the first row, and text files of oscilloscopes (Tektronix) and of LabVIEW. A header
+may give the unit of a column: `time (us)`, `time [us]`, `t/us`, `time us`, `time_us`, or units alone in a line below
+the names. A column whose header has no unit is in SI units.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import date
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -20,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationInfo
 
-from ruptfx.input.quantities import OtherKind, factor
+from ruptfx.input.quantities import OtherKind, factor, with_prefix
 from ruptfx.platform.files import require_file
 
 Units = tuple[str, str | None]
@@ -35,6 +38,11 @@ NAMES_OF = {"time": ("time", "t"), "position": ("position", "x", "distance")}
 _BRACKETED = re.compile(r"(.*?)[\s/]*[(\[]([^()\[\]]*)[)\]]")
 _DESCRIBED = re.compile(r"[#%\s]*column\s*#?(\d+)\s*[=:][^(\[]*([(\[][^)\]]*[)\]]).*", re.I)  # unit, in files of SCEC
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eEdD][-+]?\d+)?")
+_DATE = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})")
+_CLOCK = re.compile(rf"(?:{_DATE.pattern}[ T])?(\d{{1,2}}):(\d{{2}})(?::(\d{{2}}(?:[.,]\d+)?))?")
+_MISSING = (-999.0, -9999.0, -99999.0, -999.25, 1e30, 9.9e37, 9.91e37)  # marks of missing values in many files
+_FAR = 20.0  # times the largest other number of a column: such a mark is no number
+_OSCILLOSCOPE = 4  # columns at least, the last two of which are time and signal in files of oscilloscopes
 _NAMES = ("min", "bar", "deg", "rad")  # units that are also parts of names: x_min
 _SLASHED = re.compile(r"(\S.*?)\s*/\s*(\S.*)")
 _COMMENT = ("#", "%")
@@ -54,12 +62,15 @@ class NumberTable:
         Cells, of every row as many.
     headers : list of (int, list of str)
         Lines above the first row with as many cells, with their numbers, the nearest last.
+    decisions : tuple of str
+        How the text was read, but for the usual: separators, commas, times of day.
     """
 
     path: Path
     lines: list[int]
     rows: list[list[str]]
     headers: list[tuple[int, list[str]]]
+    decisions: tuple[str, ...] = ()
 
     @property
     def width(self) -> int:
@@ -72,10 +83,11 @@ class NumberTable:
         Raises
         ------
         ValueError
-            A cell is no finite number.
+            A cell is no finite number, or marks a missing value.
         """
         words = [row[place] for row in self.rows]
         values = [number(word, self.path, line) for word, line in zip(words, self.lines, strict=True)]
+        _refuse_marks(values, self.lines, self.path)
         return values if scale == 1 else _scaled(words, values, Fraction(scale))
 
     def factors(self, units: Mapping[int, str | None]) -> dict[int, Fraction | None]:
@@ -144,7 +156,7 @@ def read_table(path: Path, is_named: bool = False) -> NumberTable:
     lines: list[int] = []
     rows: list[list[str]] = []
     separator, has_header = None, False
-    text = text_of(path)
+    text, encoding = _decoded(path)
     if (count := text.count("\n")) > MOST_LINES:
         raise ValueError(f"{path}: has {count} lines, and files with numbers at most {MOST_LINES}; leave out rows")
     for line, content in enumerate(text.splitlines(), 1):
@@ -167,14 +179,116 @@ def read_table(path: Path, is_named: bool = False) -> NumberTable:
         rows.append(words)
         lines.append(line)
     if not rows and not (is_named and has_header):
+        return _of_oscilloscope(path, above)
+    table = _aligned(NumberTable(path, lines, rows, []), above, separator)
+    words = {",": "commas", ";": "semicolons", "\t": "tabs", None: "blanks"}
+    decisions = (f"columns separated by {words[separator]}", *[f"text in {encoding}"] * (encoding != "UTF-8"))
+    return _with_clocks(_with_points(replace(table, decisions=decisions), separator))
+
+
+def _with_points(table: NumberTable, separator: str | None) -> NumberTable:
+    """Return a table whose decimal commas are points, where no cell has a point and commas do not separate columns."""
+    cells = [cell for row in table.rows for cell in row]
+    commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
+    if separator == "," or not commas or any("." in cell and is_number(cell) for cell in cells):
+        return table
+    rows = [[cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in table.rows]
+    return replace(table, rows=rows, decisions=(*table.decisions, "decimal commas"))
+
+
+def _with_clocks(table: NumberTable) -> NumberTable:
+    """Return a table whose times of day are seconds since that of the first row; times after midnight are later."""
+    rows, headers = [list(row) for row in table.rows], [(line, list(cells)) for line, cells in table.headers]
+    clocks = [i for i in range(table.width) if all(_CLOCK.fullmatch(row[i]) for row in rows)] if rows else []
+    for column in clocks:
+        matches = [match for row in rows if (match := _CLOCK.fullmatch(row[column]))]
+        times, days = [], 0
+        for line, match in zip(table.lines, matches, strict=True):
+            year, month, day, hour, minute, second = match.groups()
+            try:
+                days = days if year is None else date(int(year), int(month), int(day)).toordinal()
+            except ValueError:
+                raise ValueError(f"line {line} of {table.path}: {match[0]!r} is no date; correct it") from None
+            of_day = 3600 * int(hour) + 60 * int(minute) + Decimal((second or "0").replace(",", "."))
+            if year is None and times and 86400 * days + of_day < times[-1] - 43200:
+                days += 1
+            times.append(86400 * days + of_day)
+        for row, time in zip(rows, times, strict=True):
+            row[column] = str(time - times[0])
+        for _, cells in headers:
+            cells[column] = re.sub(r"\s*[(\[].*[)\]]", "", cells[column])
+    text = [f"column {i + 1} is a time of day, read as seconds since its first one" for i in clocks]
+    return replace(table, rows=rows, headers=headers, decisions=(*table.decisions, *text)) if clocks else table
+
+
+def _of_oscilloscope(path: Path, above: Sequence[tuple[int, str]]) -> NumberTable:
+    """Return the last two columns of a file of an oscilloscope, whose other columns are settings or empty.
+
+    Raises
+    ------
+    ValueError
+        It is no such file.
+    """
+    lines = [(line, _words(content, ",")) for line, content in above if not content.lstrip().startswith(_COMMENT)]
+    width = len(lines[-1][1]) if lines else 0
+    settings = any(words[0] for _, words in lines) and not (lines and lines[-1][1][0])
+    alike = all(len(words) == width and all(map(is_number, words[-2:])) for _, words in lines)
+    if width < _OSCILLOSCOPE or not (settings and alike):
         raise ValueError(_reason(path, above))
-    return _aligned(NumberTable(path, lines, rows, []), above, separator)
+    rows = [words[-2:] for _, words in lines]
+    text = f"the last two of {width} columns, time and signal of an oscilloscope"
+    return NumberTable(path, [line for line, _ in lines], rows, [], ("columns separated by commas", text))
+
+
+def _refuse_marks(values: Sequence[float], lines: Sequence[int], path: Path) -> None:
+    """Refuse a column in which a number that marks missing values is far beyond all others.
+
+    Raises
+    ------
+    ValueError
+    """
+    marked = [place for place, value in enumerate(values) if value in _MISSING]
+    others = [abs(value) for value in values if value not in _MISSING]
+    if marked and others and abs(values[marked[0]]) > _FAR * max(others):
+        raise ValueError(
+            f"line {lines[marked[0]]} of {path}: {values[marked[0]]:g} marks a missing value in many files, and the "
+            f"other numbers of its column are {max(others):g} at most; leave out the line, or correct the number"
+        )
+
+
+def describe_reading(path: Path) -> list[str]:
+    """Return how a text file of signals is read, in two lines: its layout, and its times.
+
+    Raises
+    ------
+    ValueError
+        It cannot be read.
+    """
+    table = read_table(path)
+    named = table.called(NAMES_OF["time"], "s")
+    place = named[0] if len(named) == 1 else 0
+    scale = table.factors({place: "s"})[place]
+    times = np.array(table.column(place, scale or 1))
+    unit = "without a unit, hence in s" if scale is None else f"1 is {with_prefix(float(scale), 's')}"
+    steps = np.diff(times)
+    apart = "one row"
+    if len(steps):
+        even = np.ptp(steps) <= 1e-3 * abs(np.mean(steps))
+        apart = with_prefix(float(np.mean(steps)), "s") if even else (
+            f"{with_prefix(float(steps.min()), 's')} to {with_prefix(float(steps.max()), 's')}")  # fmt: skip
+        apart = f"from {with_prefix(float(times[0]), 's')} to {with_prefix(float(times[-1]), 's')}, {apart} apart"
+    return [
+        f"{path.name}: {'; '.join(table.decisions)}; {len(table.rows)} rows of {table.width} columns from line "
+        f"{table.lines[0]} on",
+        f"time in column {place + 1} ({unit}), {apart}",
+    ]
 
 
 def _is_row(words: Sequence[str], separator: str | None) -> bool:
     """Return whether cells are a row of numbers; between blanks all of them, as a sentence may begin with a number."""
     cells = words[:1] if separator else words
-    return all(is_number(word) or _DECIMAL_COMMA.fullmatch(word) for word in cells)
+    forms = (_DECIMAL_COMMA, _CLOCK, _DATE)
+    return all(is_number(word) or any(form.fullmatch(word) for form in forms) for word in cells)
 
 
 def _aligned(table: NumberTable, above: Sequence[tuple[int, str]], separator: str | None) -> NumberTable:
@@ -202,6 +316,8 @@ def _aligned(table: NumberTable, above: Sequence[tuple[int, str]], separator: st
         if _DESCRIBED.fullmatch(content):
             continue
         cells = _header_cells(content, separator, width)
+        if len(cells) == width + 1 and cells[-1].lower() in ("", "comment"):  # of LabVIEW
+            cells = cells[:-1]
         if len(cells) == width:
             headers.append((line, cells))
         elif len(cells) > 1 and line == above[-1][0] and not content.lstrip().startswith(_COMMENT):
@@ -240,7 +356,7 @@ def _reason(path: Path, above: Sequence[tuple[int, str]]) -> str:
     if not word:
         return f"{where}: its first column is empty; leave out the columns before the time or position"
     if re.fullmatch(r"[\d/.-]*[ T]?\d+:\d+.*", word):
-        return f"{where}: {word!r} is a time of day; write the time as a number of seconds"
+        return f"{where}: {word!r} is no time of day such as 12:30:05.1 or 2026-01-31 12:30:05.1; write seconds"
     return f"{where}: {word[:40]!r} is no number; lines with numbers are needed, separated by ; , tabs or blanks"
 
 
@@ -402,13 +518,19 @@ def text_of(path: Path) -> str:
     ValueError
         If it cannot be read, is a device or a pipe, too large, or no text.
     """
+    return _decoded(path)[0]
+
+
+def _decoded(path: Path) -> tuple[str, str]:
+    """Return the text of a file and the name of its encoding, as `text_of`."""
     content = require_file(path, MOST_BYTES).read_bytes()
-    encodings = ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "latin-1")
-    for encoding in encodings:
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    encodings = {"utf-16": "UTF-16"} if wide else {"utf-8-sig": "UTF-8", "latin-1": "Latin-1"}
+    for encoding, name in encodings.items():
         with suppress(UnicodeDecodeError):
             text = content.decode(encoding)
             if "\0" not in text:
-                return text
+                return text, name
     raise ValueError(f"{path}: is no text in UTF-8, UTF-16 or Latin-1; write it as text in UTF-8")
 
 

@@ -37,11 +37,14 @@ def show(
             show(run, columns, instrument, channel, most, shift, out)
         return
     from ruptfx.app.convert.scec_files import channels
+    from ruptfx.input.number_files import describe_reading
     from ruptfx.results.analysis.measured import compare_with_file
     from ruptfx.results.record import Files
 
     with Files(run) as record:
         pairs = compare_with_file(record, file, instrument, channel, most, shift, lambda name: channels(record, name))
+    for line in describe_reading(file):
+        screen.print(line, soft_wrap=True)
     table = Table("channel", "misfit", "best time shift", "misfit then", "measured/computed", box=None, pad_edge=False)
     for pair in pairs.values():
         result = pair.result
