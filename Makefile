@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
 .PHONY: help env demo test parts ranks verify verified every-key slow test-portable durations lint docs docs-test bench docker \
-    clean pictures
+    clean pictures release
 
 BIN := .venv/bin
 # One thread per rank; Open MPI: as many ranks as asked for, as any user.
@@ -95,6 +95,9 @@ docker: ## build the image and run the demo in it, as you, with files in ./out
 	docker build -t ruptfx .
 	mkdir -p out
 	docker run --rm --user "$$(id -u):$$(id -g)" -v "$$PWD/out:/out" ruptfx
+
+release: env ## wheel, source archive, SBOM, licences and checksums in dist/, tried in a fresh environment
+	.ci/release
 
 clean: ## remove .venv, caches and runs/demo; other runs stay
 	rm -rf .venv .ci/reports runs/demo docs/_build build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -21,8 +21,35 @@ ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
-def test_version_is_written_the_same_twice():
-    assert ruptfx.__version__ == PROJECT["version"]
+def test_version_is_written_the_same_everywhere():
+    version = PROJECT["version"]
+    assert ruptfx.__version__ == version and f"ruptfx-{version}-py3-none-any.whl" in (ROOT / "README.md").read_text()
+    citation = dict(re.findall(r"^([a-z-]+): (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE))
+    assert citation["version"] == version
+    released = re.findall(r"^## (\S+) \((\d{4}-\d\d-\d\d)\)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert released[0] == (version, citation["date-released"])  # the newest release comes first
+    assert [when for _, when in released] == sorted((when for _, when in released), reverse=True)
+
+
+def test_a_release_needs_a_clean_checkout(tmp_path):
+    """Uncommitted files, and a version without a section in the list of changes, are refused before anything is built."""
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci" / "release", tmp_path / ".ci")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / "CHANGELOG.md").write_text("## Unreleased\n")
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(tmp_path)]
+    environment = os.environ | {"PYTHON": "/nonexistent"}
+
+    def release() -> str:
+        done = subprocess.run([tmp_path / ".ci" / "release"], capture_output=True, text=True, env=environment)
+        assert done.returncode == 1 and not (tmp_path / "dist").exists()
+        return done.stderr
+
+    subprocess.run([*git, "init", "-q"], check=True)
+    assert "commit" in release()
+    subprocess.run([*git, "add", "."], check=True)
+    subprocess.run([*git, "commit", "-q", "-m", "all"], check=True)
+    assert f"## {PROJECT['version']} (DATE)" in release()
 
 
 @pytest.mark.skipif(find_spec("mpi4py") is None, reason="needs mpi4py")
