@@ -181,8 +181,11 @@ def read_table(path: Path, is_named: bool = False) -> NumberTable:
     if not rows and not (is_named and has_header):
         return _of_oscilloscope(path, above)
     table = _aligned(NumberTable(path, lines, rows, []), above, separator)
-    words = {",": "commas", ";": "semicolons", "\t": "tabs", None: "blanks"}
-    decisions = (f"columns separated by {words[separator]}", *[f"text in {encoding}"] * (encoding != "UTF-8"))
+    marks = {",": "commas", ";": "semicolons", "\t": "tabs"}
+    decisions = (
+        f"columns separated by {marks.get(separator or '', 'blanks')}",
+        *[f"text in {encoding}"] * (encoding != "UTF-8"),
+    )
     return _with_clocks(_with_points(replace(table, decisions=decisions), separator))
 
 
@@ -202,7 +205,8 @@ def _with_clocks(table: NumberTable) -> NumberTable:
     clocks = [i for i in range(table.width) if all(_CLOCK.fullmatch(row[i]) for row in rows)] if rows else []
     for column in clocks:
         matches = [match for row in rows if (match := _CLOCK.fullmatch(row[column]))]
-        times, days = [], 0
+        times = list[Decimal]()
+        days = 0
         for line, match in zip(table.lines, matches, strict=True):
             year, month, day, hour, minute, second = match.groups()
             try:

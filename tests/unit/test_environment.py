@@ -32,7 +32,7 @@ def test_version_is_written_the_same_everywhere():
 
 
 def test_a_release_needs_a_clean_checkout(tmp_path):
-    """Uncommitted files, and a version without a section in the list of changes, are refused before anything is built."""
+    """Uncommitted files, and a version that the list of changes does not name, are refused before anything is built."""
     (tmp_path / ".ci").mkdir()
     shutil.copy(ROOT / ".ci" / "release", tmp_path / ".ci")
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
