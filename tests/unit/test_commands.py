@@ -18,6 +18,7 @@ import xarray
 from helpers import synthetic
 from helpers.labels import label_faults
 from helpers.messages import says
+from helpers.sliding_cases import solids
 from helpers.small_cases import merged, plates, strike_slip
 from matplotlib.image import imread
 from typer.testing import CliRunner, Result
@@ -205,6 +206,30 @@ def test_mesh_of_a_solid_has_a_map_of_its_surface(dip: float) -> None:
     inside, outside = (abs(x) < 2.9) & (abs(y - 3) < 1.9), (abs(x) > 3.1) | (abs(y - 3) > 2.1)
     np.testing.assert_allclose(shear[inside], 3.7, rtol=1e-9)
     np.testing.assert_allclose(shear[outside], 2.8, rtol=1e-9)
+    assert label_faults(figure) == []
+
+
+@fem
+@pytest.mark.parametrize("base", [False, True])
+def test_mesh_of_solids_that_slide_has_both_surfaces(base: bool) -> None:
+    """3 x 2 elements of 0.5 mm: 20 um above 7 x 7 others, or on a rigid wave of 10 um, drawn as 24 x 24 rectangles."""
+    from ruptfx.app.drawing.mesh_drawing import draw
+    from ruptfx.case import parse_case
+
+    wave = {"kind": "sinusoid", "amplitude": 10e-6, "wavelength": 0.5e-3}
+    table = solids({"mesh.closest": 20e-6, "mesh.upper.height": 1.5e-3, "mesh.lower.height": 1e-3})
+    if base:
+        plan = {"length": 1.5e-3, "width": 1e-3}
+        block = {"kind": "block_on_rigid", **plan, "height": 0.5e-3, "element_size": 0.5e-3}
+        table |= {"mesh": {**block, "base": {**plan, "profile": wave}},
+                  "materials": {"upper": table["materials"]["upper"]}, "boundaries": []}  # fmt: skip
+    figure = draw(parse_case(table))
+    surface = figure.axes[1]
+    gap, own, other = surface.collections
+    assert len(own.get_paths()) == 6 and len(other.get_paths()) == (24 * 24 if base else 49)
+    # That of the wave is twice its amplitude at the troughs, and zero at the crests, where it touches.
+    assert gap.get_array().min() == pytest.approx(0.0 if base else 20.0, abs=0.1)
+    assert gap.get_array().max() == pytest.approx(20.0, rel=1e-3)
     assert label_faults(figure) == []
 
 

@@ -72,6 +72,7 @@ RADIAL = {
     "cone": ({"slope": 0.5, "tip": 0.1}, {0.0: 0.1, 5.0: 2.6}),
     "gaussian": ({"background": 1.0, "amplitude": 2.0, "width": 2.0}, {0.0: 3.0, 2.0: 1.0 + 2.0 * np.exp(-0.5)}),
     "parabola": ({"radius": 2.0, "tip": 0.1}, {0.0: 0.1, 2.0: 1.1}),
+    "sphere": ({"radius": 5.0, "tip": 0.1}, {0.0: 0.1, 3.0: 1.1, 4.0: 2.1}),
     "taper": ({"inside": 2.0, "outside": 1.0, "half_width": 2.0, "width": 1.0}, {1.0: 2.0, 2.5: 1.5, 3.0: 1.0}),
 }
 

@@ -92,6 +92,8 @@ def test_heights_of_a_self_affine_profile(hurst: float) -> None:
     "changes, message",
     [
         ({"shortest": 2.0}, "shortest <= rolloff <= longest <= length, these are 2, 1, 1 and 2 m"),
+        ({"rms_slope": 0.1}, "rms = 0.1 and rms_slope = 0.1: give one"),
+        ({"rms": None}, "rms and rms_slope"),
         ({"length": 1.2, "longest": 0.9, "shortest": 0.7}, "of length = 1.2 m is between shortest = 0.7"),
     ],
 )  # fmt: skip

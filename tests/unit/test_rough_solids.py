@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
+from helpers.sliding_cases import solids
+from helpers.small_cases import strike_slip
 
 from ruptfx import RuptfxError
 from ruptfx.bodies.meshes import FACETS, RawMesh
@@ -19,6 +22,7 @@ from ruptfx.bodies.meshes.lobatto import nodes_between
 from ruptfx.bodies.meshes.rough_plates import RoughPlates, _places
 from ruptfx.bodies.space.bodies import check_facets, check_orientation
 from ruptfx.case import parse_case
+from ruptfx.input.profiles.self_affine import SelfAffine
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.sliding.roughness import _slope, largest_slope, mean_frame
 from ruptfx.interfaces.sliding.surface import Surface, lattice_numbers
@@ -91,6 +95,90 @@ def test_the_gap_of_a_ball_is_that_of_its_tip() -> None:
     raw = plates(upper={"profile": BALL}, closest=2e-6).build()
     x, y, z = raw.points[np.unique(raw.interfaces["main"][0])].T
     np.testing.assert_allclose(z - 2e-6, ((x - 0.13e-3) ** 2 + (y + 0.21e-3) ** 2) / 40e-3, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_nodes_of_a_ball_are_on_the_sphere(order: int) -> None:
+    """Every node of the curved facets is on the sphere to rounding, also where it is steep."""
+    ball = {"kind": "sphere", "radius": 6e-3, "center": {"x": 0.1e-3, "y": -0.2e-3}}
+    size = {"left": -1.5e-3, "length": 3e-3, "height": 2e-3}
+    raw = plates(upper={"profile": ball, **size}, closest=1e-6, curve_order=order).build()
+    check_orientation(raw)
+    points = raw.points[np.unique(raw.cells[raw.cell_body == 0])]
+    points = points[np.argsort(points[:, 2])]
+    _, lowest = np.unique(np.round(points[:, :2] / 1e-8), axis=0, return_index=True)
+    assert len(lowest) == (6 * order + 1) ** 2
+    away = np.linalg.norm(points[lowest] - np.array([0.1e-3, -0.2e-3, 6e-3 + 1e-6]), axis=1)
+    np.testing.assert_allclose(away, 6e-3, rtol=1e-9)
+
+
+def test_surfaces_of_a_slope() -> None:
+    """The gap of a rough surface with an RMS slope of 0.05 over a plane has that slope, heights scale with it."""
+    rough = {"kind": "self_affine_surface", "rms_slope": 0.05, "hurst": 0.8, "length": 6e-3, "longest": 6e-3,
+             "shortest": 3e-3, "seed": 4}  # fmt: skip
+    line = np.arange(48) * 6e-3 / 48
+    places = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1)
+    heights = plates(lower={"profile": rough}).lower.heights(places.reshape(-1, 2), "lower").reshape(48, 48)
+    k = 2j * np.pi * np.fft.fftfreq(48, 6e-3 / 48)
+    wave = np.fft.fft2(heights)
+    slopes = [np.fft.ifft2(wave * each).real for each in (k[:, None], k)]
+    np.testing.assert_allclose(np.sqrt(np.mean(slopes[0] ** 2 + slopes[1] ** 2)), 0.05, rtol=1e-9)
+    flat = {"kind": "self_affine", "rms_slope": "5 %", "hurst": 0.8, "length": 6e-3, "longest": 6e-3, "shortest": 3e-4,
+            "seed": 4}  # fmt: skip
+    profile = plates(lower={"profile": flat}).lower.profile
+    assert isinstance(profile, SelfAffine)
+    line = np.arange(480) * 6e-3 / 480
+    slope = np.fft.ifft(np.fft.fft(profile(line)) * 2j * np.pi * np.fft.fftfreq(480, 6e-3 / 480)).real
+    np.testing.assert_allclose(np.sqrt(np.mean(slope**2)), 0.05, rtol=1e-9)
+    with pytest.raises(CaseError, match=facts(r"rms_slope = 0.05: give rms \[Pa\]")):
+        parse_case(strike_slip({"faults.main.initial_stress.normal": rough}))
+
+
+MAP = "\n".join(["x (mm), y (mm), height (um)", *(
+    f"{x}, {y}, {20 + 10 * np.cos(np.pi * x / 3) * np.cos(np.pi * y / 3):.6f}"
+    for x in np.linspace(-3, 3, 25) for y in np.linspace(-3, 3, 25)
+)])  # fmt: skip
+
+
+@pytest.mark.parametrize("interpolation, close", [("linear", 0.2), ("cubic", 2e-3)])
+def test_a_measured_map_of_heights(interpolation: str, close: float, tmp_path: Path) -> None:
+    """A wave of 10 um every 0.25 mm in a CSV file: the nodes of the lower surface are on it."""
+    (tmp_path / "map.csv").write_text(MAP, encoding="utf-8")
+    measured = {"kind": "surface_table", "file": "map.csv", "interpolation": interpolation}
+    case = parse_case(solids({"mesh.lower": {
+        "length": 6e-3, "left": -3e-3, "width": 6e-3, "front": -3e-3, "height": 1e-3, "element_size": 0.39e-3,
+        "profile": measured,
+    }, "mesh.curve_order": 2}), tmp_path)  # fmt: skip
+    raw = case.mesh.build()
+    x, y, z = raw.points[np.unique(raw.interfaces["main"][1])].T
+    exact = 20e-6 + 10e-6 * np.cos(np.pi * x / 3e-3) * np.cos(np.pi * y / 3e-3)
+    np.testing.assert_allclose(z, exact, atol=close * 1e-6)
+    assert np.abs(z - exact).max() > 0.02 * close * 1e-6
+    assert raw.points[np.unique(raw.interfaces["main"][0]), 2].min() == pytest.approx(30e-6, abs=0.1e-6)
+
+
+@pytest.mark.parametrize("text, message", [
+    (None, r"mesh\.lower\.profile: .*map\.csv"),
+    (MAP.replace("0.25, 0.5, ", "0.25, 0.6, ", 1), r"map\.csv: no value at strike = -0\.00025 m, dip = 0\.0005 m;"),
+    (MAP.replace("height (um)", "height (MPa)"), r"line 1 of .*map\.csv, column 3"),
+    (MAP.replace("x (mm), y (mm)", "y (mm), x (mm)"), r"line 1 of .*map\.csv: column 1 is y"),
+    (MAP.replace("0.25, 0.5, ", "0.25, 0.5, nan #", 1), r"line \d+ of .*map\.csv"),
+    ("\n".join(MAP.splitlines()[:26]), r"map\.csv: .* 1 .* 25"),
+    (MAP.replace("x (mm), y (mm)", "x (um), y (um)"),
+     r"mesh\.lower\.profile: .* strike from -3e-06 to 3e-06 m, .* from -0\.0003 to 0\.0024 m"),
+])  # fmt: skip
+def test_maps_of_heights_that_are_refused(text: str | None, message: str, tmp_path: Path) -> None:
+    """A file that is missing, has a hole, another unit, exchanged columns or no number, is a line, or is too small."""
+    if text is not None:
+        (tmp_path / "map.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(RuptfxError, match=facts(message)):
+        parse_case(solids({"mesh.lower.profile": {"kind": "surface_table", "file": "map.csv"}}), tmp_path).mesh.build()
+
+
+def test_a_sphere_that_ends_within_a_plate() -> None:
+    small = {"kind": "sphere", "radius": 1.6e-3, "center": {"x": 0.0, "y": 0.0}}
+    with pytest.raises(CaseError, match=facts(r"mesh\.upper\.profile: radius = 0\.0016 m: .* 0\.0025")):
+        plates(upper={"profile": small}).build()
 
 
 def test_elements_grow_beyond_the_middle() -> None:

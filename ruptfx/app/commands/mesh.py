@@ -24,7 +24,8 @@ def mesh(
 
     The plug-ins of a case in a run directory are not executed without --trust.
 
-    In 3D: bodies in perspective, and a map of the initial shear traction of every surface.
+    In 3D: bodies in perspective, and a map of the initial shear traction of every surface; with finite sliding both
+    surfaces, and the initial gap.
 
     Example: ruptfx mesh demos/gmsh.toml --out mesh.png
     """

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
 from matplotlib.tri import Triangulation
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -13,13 +13,16 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from ruptfx.bodies.meshes import RawMesh
 from ruptfx.case import Case
 from ruptfx.interfaces.faults.fault import Fault
+from ruptfx.interfaces.sliding.interface import SlidingInterface
 from ruptfx.platform import fem
 from ruptfx.results.figure_style import RATE_MAP, blank_figure, scale, styled
+from ruptfx.results.plots import figure_of
 from ruptfx.run.model import Model
 
 Array = np.ndarray
 
-SURFACE, ARROWS = "#c8501e", ("#1769aa", "#2e7d32", "#6a1b9a")
+SURFACE, OPPOSITE, ARROWS = "#c8501e", "#3b8ea5", ("#1769aa", "#2e7d32", "#6a1b9a")
+BASE = 24  # rectangles along both directions of a rigid base
 LETTERS = ("n", "1", "2")  # normal, first and second tangent
 
 
@@ -27,7 +30,8 @@ LETTERS = ("n", "1", "2")  # normal, first and second tangent
 def draw(case: Case, raw: RawMesh) -> Figure:
     """Draw outer facets and names of the edges, surfaces with normal and tangents, and maps of the initial shear.
 
-    Runs on one rank. Nodes of the rim of a surface that are welded have no traction and stay blank.
+    Runs on one rank. Nodes of the rim of a surface that are welded have no traction and stay blank. With finite sliding
+    both surfaces are drawn, and maps have the elements of both and the initial gap.
 
     Parameters
     ----------
@@ -52,8 +56,12 @@ def draw(case: Case, raw: RawMesh) -> Figure:
         facets = polygons(raw.points[raw.interfaces[fault.name][0][:, :corners]])
         surface = Poly3DCollection(facets / size, facecolor=SURFACE, edgecolor="white", lw=0.2, alpha=0.6, zorder=2)
         axes.add_collection3d(surface)
+        other = opposite_facets(raw, fault.name)
+        axes.add_collection3d(
+            Poly3DCollection(other / size, facecolor=OPPOSITE, edgecolor="white", lw=0.2, alpha=0.5, zorder=1)
+        )
         _draw_frame(axes, fault, size, 0.25 * float(np.ptp(facets.reshape(-1, 3), axis=0).max()))
-        _draw_map(figure, number + 1, fault, facets, grid)
+        _draw_map(figure.add_subplot(grid[number + 1]), fault, facets, other)
     low, high = raw.points.min(axis=0) / size, raw.points.max(axis=0) / size
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})", title=case.title or None)
@@ -71,6 +79,22 @@ def polygons(corners: Array) -> Array:
     around, crossed = (np.linalg.norm(np.cross(*pair), axis=1) for pair in ((c - a, d - b), (d - a, c - b)))
     turned: Array = np.where((crossed > around)[:, None, None], corners[:, [0, 1, 3, 2]], corners)
     return turned
+
+
+def opposite_facets(raw: RawMesh, name: str) -> Array:
+    """Return corners of the facets of the minus side [m], shape (facets, corners, 3); none if nodes coincide."""
+    if name in raw.bases:
+        base = raw.bases[name]
+        assert base.sides is not None
+        lines = [np.linspace(*ends, BASE + 1) for ends in (base.ends, base.sides)]
+        points = base.points(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2))
+        number = np.arange(len(points)).reshape(BASE + 1, BASE + 1)
+        around = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+        rectangles: Array = points[np.stack(around, axis=-1).reshape(-1, 4)]
+        return rectangles
+    if name in raw.non_matching:
+        return polygons(raw.points[raw.interfaces[name][1][:, :4]])
+    return np.zeros((0, 4, 3))
 
 
 def positions(fault: Fault, points: Array) -> Array:
@@ -98,20 +122,26 @@ def _draw_frame(axes: Axes3D, fault: Fault, size: float, length: float) -> None:
         axes.text(*(start + 1.1 * arrow), letter, color=colour, size=8, weight="bold", zorder=4)
 
 
-def _draw_map(figure: Figure, row: int, fault: Fault, facets: Array, grid: GridSpec) -> None:
-    """Draw elements and initial shear traction of a surface over its positions."""
+def _draw_map(axes: Axes, fault: Fault, facets: Array, other: Array) -> None:
+    """Draw elements and initial shear traction of a surface over its positions, or the gap to the opposite surface."""
     face = fault.interface
     assert face.across is not None
-    axes = figure.add_subplot(grid[row])
-    shear = np.linalg.norm(fault.shear_traction_0, axis=1)
+    values, text, si = np.linalg.norm(fault.shear_traction_0, axis=1), "Initial shear traction", "Pa"
     size, unit = scale(np.ptp(positions(fault, facets).reshape(-1, 2), axis=0), "m")
-    value, value_unit = scale(shear, "Pa")
     triangles = Triangulation(face.position / size, face.across / size)
-    drawn = axes.tripcolor(triangles, shear / value, cmap=RATE_MAP, shading="gouraud")
+    if isinstance(face, SlidingInterface):
+        values, text, si = np.where(face.covered, face.resting_jump, 0.0), "Initial gap", "m"
+        triangles.set_mask(~face.covered[triangles.triangles].all(axis=1))
+    value, value_unit = scale(values, si)
+    drawn = axes.tripcolor(triangles, values / value, cmap=RATE_MAP, shading="gouraud")
     corners = positions(fault, facets) / size
     axes.add_collection(PolyCollection(list(corners), facecolor="none", edgecolor="#888888", linewidth=0.3))
-    figure.colorbar(drawn, ax=axes, label=f"Initial shear traction ({value_unit})", pad=0.02)
+    if len(other):
+        lines = list(positions(fault, other) / size)
+        axes.add_collection(PolyCollection(lines, facecolor="none", edgecolor=OPPOSITE, linewidth=0.5))
+    figure_of(axes).colorbar(drawn, ax=axes, label=f"{text} ({value_unit})", pad=0.02)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel=f"Along tangent 1 ({unit})")
     meaning = face.line.meaning_in(size, unit)
-    axes.set(ylabel=f"Along tangent 2 ({unit})", title=f"interface {fault.name}: position = {meaning}")
+    sides = "; elements of the minus side in blue" if len(other) else ""
+    axes.set(ylabel=f"Along tangent 2 ({unit})", title=f"interface {fault.name}: position = {meaning}{sides}")

@@ -16,7 +16,8 @@ class SelfAffine(SelfAffineField):
 
     The sum of a_k cos(q_k x + phi_k), q_k = 2 pi k / length, with phases of the seed. Between the wavelengths `rolloff`
     and `shortest` the heights a_k^2 fall as q^-(1 + 2 hurst), from `longest` to `rolloff` they are equal. The root mean
-    square of the heights over `length`, after which the profile repeats itself, is exactly `rms`.
+    square of the heights over `length`, after which the profile repeats itself, is exactly `rms`, or that of the
+    slopes `rms_slope`.
     Source: Hu and Tonder (1992); Yastrebov, Anciaux, Molinari (2017).
     """
 

@@ -18,7 +18,8 @@ class SelfAffineSurface(SelfAffineField):
     The sum of a(q) cos(q_x x + q_y d + phase) over the wave vectors of a periodic square of side `length`, with x along
     strike, d down dip and phases of the seed. Between the wavelengths `rolloff` and `shortest` the squares of the
     amplitudes fall as q^-(2 + 2 hurst), as a section along any line then falls as q^-(1 + 2 hurst); from `longest` to
-    `rolloff` they are equal. The root mean square over the square is exactly `rms`.
+    `rolloff` they are equal. The root mean square over the square is exactly `rms`, or that of the
+    slopes `rms_slope`.
     Source: Yastrebov, Anciaux, Molinari (2017); of faults: Candela et al. (2012), JGR 117, B08409.
     """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import ValidationInfo, field_validator, model_validator
@@ -15,9 +15,10 @@ from ruptfx.input.surface_files import with_grid_read
 
 
 class SurfaceTable(Profile):
-    """Bilinear interpolation of values on a grid of strike and dip, which covers the surface.
+    """Interpolation of values on a grid of strike and dip, which covers the surface.
 
-    Of the surface of the ground, as `mesh.topography`, the positions are x and y.
+    Of the surface of the ground, as `mesh.topography`, and of surfaces of `rough_plates` and `block_on_rigid` the
+    positions are x and y.
     """
 
     over_surface: ClassVar[bool] = True
@@ -25,6 +26,8 @@ class SurfaceTable(Profile):
         '{ kind = "surface_table", strike = [-1.0, 0.0, 2.0], dip = [-1.0, 1.0], '
         "values = [[0.0, 1.0, 3.0], [2.0, 2.0, 4.0]] }"
     )
+    interpolation: Literal["linear", "cubic"] = "linear"
+    """`cubic`: splines along both directions whose curvature is continuous, for measured surfaces."""
     strike: list[Annotated[float, Unit("m")]] = []
     """Positions along strike, at least two, increasing."""
     dip: list[Annotated[float, Unit("m")]] = []
@@ -69,7 +72,7 @@ class SurfaceTable(Profile):
         return self
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
-        cells, parts = [], []
+        cells, parts, inside = [], [], []
         unit = " degrees" if self.map and self.map.projection else " m"
         names = ("strike", "dip") if self.map is None else self.map.axes
         position = position if self.map is None else self.map.to_map(position)
@@ -80,11 +83,21 @@ class SurfaceTable(Profile):
                     f"the table has {name} from {grid[0]:.9g} to {grid[-1]:.9g}{unit}, and the surface has points from "
                     f"{at_most(values.min() + slack)} to {at_least(values.max() - slack)}{unit}; add to the table"
                 )
-            inside = np.clip(values, grid[0], grid[-1])
-            cell = np.clip(np.searchsorted(grid, inside, side="right") - 1, 0, len(grid) - 2)
+            inside.append(np.clip(values, grid[0], grid[-1]))
+            cell = np.clip(np.searchsorted(grid, inside[-1], side="right") - 1, 0, len(grid) - 2)
             cells.append(cell)
-            parts.append((inside - np.take(grid, cell)) / np.take(np.diff(grid), cell))
+            parts.append((inside[-1] - np.take(grid, cell)) / np.take(np.diff(grid), cell))
         (i, k), (s, d), table = cells, parts, np.asarray(self.values)
+        if self.interpolation == "cubic":
+            return self._splines(*inside)
         upper = (1 - s) * table[k, i] + s * table[k, i + 1]
         lower = (1 - s) * table[k + 1, i] + s * table[k + 1, i + 1]
         return (1 - d) * upper + d * lower
+
+    def _splines(self, strike: np.ndarray, dip: np.ndarray) -> np.ndarray:
+        """Return the values of splines along strike and down dip, shape (n,)."""
+        from scipy.interpolate import RectBivariateSpline  # imported late: ordinary runs do not need it
+
+        degrees = [min(3, len(grid) - 1) for grid in (self.dip, self.strike)]
+        spline = RectBivariateSpline(self.dip, self.strike, np.asarray(self.values), kx=degrees[0], ky=degrees[1])
+        return np.asarray(spline.ev(dip, strike))
