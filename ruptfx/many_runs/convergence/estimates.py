@@ -54,7 +54,7 @@ class Estimate:
 
     @property
     def approaches(self) -> bool:
-        """Whether the values approach a limit, at any order."""
+        """Say whether the values approach a limit, at any order."""
         return self.outside not in (OSCILLATE, DO_NOT_FALL)
 
 
