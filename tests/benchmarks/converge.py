@@ -71,7 +71,11 @@ FACTORS = (1.0, 2.0, 4.0)
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
-    began, kept, warned, inside, ratios = time.process_time(), [], [], [], []
+    began = time.process_time()
+    kept: list[bool] = []
+    warned: list[bool] = []
+    inside: list[bool] = []
+    ratios: list[float] = []
     cases = [(name, *each) for name, each in CASES.items()]
     for name, spacing, changes in [*cases, *FURTHER] if fine else cases:
         levels = [_readings(name, spacing * factor, changes, comm) for factor in (0.25, *FACTORS)]

@@ -138,7 +138,7 @@ def _while_it_runs(surfaces: Mapping[str, Data]) -> Array:
     order = ruptured[np.argsort(arrival[ruptured], kind="stable")]
     part = np.cumsum(area[order])
     shares = np.append(np.arange(1, MAPS) / MAPS, NEARLY_ALL)
-    return np.interp(shares * part[-1], part, arrival[order])
+    return np.asarray(np.interp(shares * part[-1], part, arrival[order]))
 
 
 def _at(data: Data, field: str, row: int) -> Array:

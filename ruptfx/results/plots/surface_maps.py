@@ -142,7 +142,7 @@ def contours(  # noqa: PLR0913
     if labels:
         for text in ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6):
             text.set_path_effects([rim])
-    return any(len(path.vertices) for path in lines.get_paths())
+    return any(np.size(path.vertices) for path in lines.get_paths())
 
 
 def _long_pieces(path: Path, shortest: float) -> Path:
