@@ -1,10 +1,10 @@
 """Error bars of `ruptfx converge` against the values at a quarter of the spacing, for cases that take seconds.
 
-Six cases, and 31 with `--fine`.
+Six cases, and 32 with `--fine`.
 
 Every case runs at a spacing h, at 2 h and 4 h, from which the bars are estimated, and at h / 4. At least 90 % of the
-bars must hold the value at h / 4, where `converge` does not warn that the case is not resolved. The median bar in the
-asymptotic range may be four times the difference to it.
+bars must hold the value at h / 4, and of those where `converge` does not warn that the case is not resolved. The median
+bar in the asymptotic range of the latter may be four times the difference to it.
 The spacings are those of a quick look: half of the numbers are not in the asymptotic range.
 """
 
@@ -60,6 +60,7 @@ FURTHER: tuple[tuple[str, float, Table], ...] = (
     ("rate_state", 2400.0, {"duration": 4.0}),
     ("slip_weakening", 1600.0, {"duration": 4.0}),
     ("slip_weakening", 3200.0, {"duration": 8.0}),
+    ("viscoelastic_impact", 6e-3, {"duration": 40e-6}),
     ("viscoelastic_impact", 12e-3, {"duration": 40e-6}),
     ("infer_gauges", 4e-3, {"duration": 32e-6}),
     ("infer_gauges", 6e-3, {"duration": 48e-6}),
@@ -92,11 +93,12 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
                 ratios += [row.bar / error] if error > 1e-9 * abs(reference) else []
     seconds = time.process_time() - began
     source = "values at a quarter of the spacing"
-    others = f"; {100 * np.mean(warned):.0f} % of {len(warned)} in cases with a warning" if warned else ""
     return Outcome([
-        Check("bars that hold the value at h/4", 0.9, float(np.mean(kept)), relation="at least",
-              source=f"{len(kept)} numbers, {source}{others}"),
-        Check("the same of numbers in the asymptotic range", 0.9, float(np.mean(inside)),
+        Check("bars that hold the value at h/4", 0.9, float(np.mean(kept + warned)), relation="at least",
+              source=f"{len(kept + warned)} numbers, {source}"),
+        Check("the same of cases without a warning", 0.9, float(np.mean(kept)), relation="at least",
+              source=f"{len(kept)} numbers, {source}"),
+        Check("the same of their numbers in the asymptotic range", 0.9, float(np.mean(inside)),
               source=f"{len(inside)} numbers, {source}", relation="at least"),
         Check("median of bar over difference in that range", 4.0, float(np.median(ratios)), source=source,
               relation="at most"),

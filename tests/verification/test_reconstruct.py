@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import tomli_w
 import xarray
-from helpers.small_cases import COMPLIANT, slip_weakening, strike_slip
+from helpers.small_cases import COMPLIANT, merged, slip_weakening, strike_slip
 from typer.testing import CliRunner
 
 from ruptfx.app.cli import app
@@ -407,6 +407,51 @@ def test_law_of_a_rupture_is_within_its_intervals(tmp_path: Path) -> None:
         sliding = np.isfinite(made.friction_of_law.values)
         off = (made.friction_of_law - made.friction).values[sliding]
         assert sliding.sum() > 50 and np.sqrt(np.mean(off**2)) < 0.1
+
+
+@pytest.mark.slow
+def test_intervals_of_a_law_do_not_depend_on_order_units_and_direction(tmp_path: Path) -> None:
+    """Gauges in reverse order, data in microstrain, and a mirror image: the same to the error of 240 samples."""
+    names, angles = ("extension_1", "extension_2"), ["45 deg", "135 deg"]
+    table = ruptured(1.6e-3)
+    table |= {"duration": 13e-6, "instruments": table["instruments"][1:7]}
+    data = simulate(parse_case(table), tmp_path / "data", progress=False)
+    times, random, sigma = np.arange(3e-7, 12.8e-6, 3e-7), np.random.default_rng(2), 1e-5
+    signals = {
+        each["name"]: {name: np.interp(times, data.instruments[each["name"]]["time"].values,
+                                       data.instruments[each["name"]][name].values)
+                       + sigma * random.normal(size=len(times)) for name in names}
+        for each in table["instruments"]
+    }  # fmt: skip
+
+    def fitted(changes: dict[str, Any], size: float, unit: str, gauges: list[str]) -> Any:
+        terms = [
+            {"kind": "traces", "instrument": gauge, "times": times.tolist(), "sigma": f"{sigma / size:g} {unit}" if unit else sigma,
+             "units": dict.fromkeys(names, unit or "1"),
+             "data": {name: (each / size).tolist() for name, each in signals[gauge].items()}} for gauge in gauges
+        ]  # fmt: skip
+        prior = {"amplitude": 2.0, "length": 4e-3, "time": 1.5e-6, "samples": 2}
+        case = merged({**table, "objective": terms, "reconstruction": prior}, changes)
+        return reconstruct(parse_case(case), tmp_path / "responses", progress=False).law
+
+    length, order = 32e-3, list(signals)
+    mirrored = [{**each, "point": [length - each["point"][0], each["point"][1]], "angles": angles[::-1]}
+                for each in table["instruments"]]  # fmt: skip
+    stress = table["faults"]["main"]["initial_stress"]["shear"]
+    stress = {**stress, "background": -stress["background"], "amplitude": -stress["amplitude"],
+              "center": length - stress["center"]}  # fmt: skip
+    base = fitted({}, 1.0, "", order)
+    others = {
+        "order": fitted({}, 1.0, "", order[::-1]), "units": fitted({}, 1e-6, "ue", order),
+        "mirror": fitted({"instruments": mirrored, "faults.main.initial_stress.shear": stress}, 1.0, "", order),
+    }  # fmt: skip
+    for what, law in others.items():
+        for key, deviation in base.deviations.items():
+            apart = np.log(law.values[key] / base.values[key]) / deviation
+            wider = law.deviations[key] / deviation
+            assert abs(apart) < (1e-3 if what == "units" else 0.5), (what, key, apart)
+            assert wider == pytest.approx(1.0, abs=1e-3 if what == "units" else 0.35), (what, key)
+    assert base.rows == others["units"].rows and base.values.keys() == LAW.keys()
 
 
 def synthetic() -> Reconstruction:

@@ -236,7 +236,13 @@ class Posterior:
     @property
     def extra_deviation(self) -> Floats:
         """Posterior standard deviations of further unknowns over those of the prior, shape (extra,)."""
-        squares = np.sum(self._half[:, self.prior.size :] ** 2, axis=0)
+        from scipy.linalg import solve_triangular
+
+        size, count = self.prior.size, self._columns.shape[1]
+        if not count:
+            return np.zeros(0)
+        right = self._columns if self._in_data else np.eye(size + count, count, -size)
+        squares = np.sum(solve_triangular(self.factor, right, lower=True, check_finite=False) ** 2, axis=0)
         return np.sqrt(np.maximum(1 - squares if self._in_data else squares, 0.0))
 
     def deviation(self, weights: Floats | None = None) -> Floats:

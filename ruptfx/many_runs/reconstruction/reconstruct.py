@@ -85,11 +85,10 @@ def solve(at: Setting, prior: Prior) -> Solution:
     """Return the posterior of the slip rate, on one rank."""
     experiment, rows, settings = at.experiment, at.rows, at.settings
     loaded = np.concatenate([sample.values for sample in at.still])
-    # Slip is the integral of a slip rate that is linear between the knots and zero before the first interval.
-    summed = at.twin.slip(np.eye(len(prior.time)))
 
     def independent(made: Posterior) -> dict[str, Floats]:
-        deviation = made.deviation()
+        # Slip is the integral of a slip rate that is linear between the knots and zero before the first interval.
+        deviation, summed = made.deviation(), at.twin.slip(np.eye(len(prior.time)))
         result = {"factor": made.factor, "deviation": deviation, "slip_deviation": made.deviation(summed)}
         spread, of_law = made.spread(settings.samples, settings.seed), made.spread(SAMPLES, settings.seed + 1)
         for name, each, points in (("", spread, slice(None)), ("law_", of_law, _points_of_law(at, prior, deviation))):
