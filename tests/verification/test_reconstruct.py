@@ -426,8 +426,8 @@ def test_intervals_of_a_law_do_not_depend_on_order_units_and_direction(tmp_path:
 
     def fitted(changes: dict[str, Any], size: float, unit: str, gauges: list[str]) -> Any:
         terms = [
-            {"kind": "traces", "instrument": gauge, "times": times.tolist(), "sigma": f"{sigma / size:g} {unit}" if unit else sigma,
-             "units": dict.fromkeys(names, unit or "1"),
+            {"kind": "traces", "instrument": gauge, "times": times.tolist(),
+             "sigma": f"{sigma / size:g} {unit}" if unit else sigma, "units": dict.fromkeys(names, unit or "1"),
              "data": {name: (each / size).tolist() for name, each in signals[gauge].items()}} for gauge in gauges
         ]  # fmt: skip
         prior = {"amplitude": 2.0, "length": 4e-3, "time": 1.5e-6, "samples": 2}
