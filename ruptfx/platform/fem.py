@@ -386,7 +386,8 @@ def nodal_matrix(
         numbers[tied[1]] = numbers[tied[0]]
     rows, columns = [diagonal.astype(np.int64)], [diagonal]
     for group in groups:
-        dofs = (numbers[group][..., None] * size + np.arange(size)).reshape(len(group), -1).astype(PETSc.IntType)
+        dofs = (numbers[group][..., None] * size + np.arange(size)).astype(PETSc.IntType)
+        dofs = dofs.reshape(len(group), group.shape[1] * size)
         pairs = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         rows.append(pairs[0].ravel())
         columns.append(pairs[1].ravel())

@@ -147,6 +147,17 @@ def test_large_solids_are_solved_by_multigrid_and_options_change_it(monkeypatch:
     assert difference(model, *(each.displacement for each in solutions)) < 1e-8
 
 
+def test_algebraic_multigrid_of_order_1_follows_stiff_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many iterations as with factors of order 1, also after the contact was soft and is stiff again."""
+    model = Model(parse_case(strike_slip(SOLID | {"mesh.element_size": 1e-3}))).in_steps("implicit")
+    factors = solve(model, "mg")[1]
+    monkeypatch.setitem(lu.DIRECT, 3, 0)
+    made = preconditioners.kinds()["mg"].make_tangent(model, Forces(model).dashpot)
+    monkeypatch.setattr(preconditioners.kinds()["mg"], "make_tangent", lambda *_: made)
+    counts = [solve(model, "mg", tangential=tangential)[1] for tangential in (1.0, 1e-6, 1.0)]
+    assert counts[0] == counts[2] <= factors + 2
+
+
 def test_levels_need_orders() -> None:
     model = Model(parse_case(plates(PLATES | {"order": 1})))
     with pytest.raises(CaseError, match=facts(r"stepper\.petsc_options\.pc_type = 'mg': .* 2 .* 'gamg'")):

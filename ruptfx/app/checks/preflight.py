@@ -26,8 +26,11 @@ from ruptfx.run import stages
 from ruptfx.run.cost import counts, measured, need_memory, rehearse
 from ruptfx.run.model import Model
 from ruptfx.stepping.implicit.condensed import count_jumps
+from ruptfx.stepping.implicit.iterated import PER_UNKNOWN
 from ruptfx.stepping.implicit.loaded_bodies import matrix_bytes
+from ruptfx.stepping.implicit.solvers import is_factorised
 from ruptfx.stepping.implicit.strike_series import work_of
+from ruptfx.stepping.implicit.surfaces import count_nodes
 from ruptfx.stepping.steppers import Motion, leapfrog
 from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamic, SeriesMotion
 from ruptfx.stepping.stopping import StopRules
@@ -96,9 +99,15 @@ def preflight(case: Case) -> Iterator[Row]:
 def _work_rows(model: Model) -> Iterator[Row]:
     """Yield what the matrices of slip and traction will take, before they are computed."""
     if model.section is None:
+        slides = any(fault.slides for fault in model.faults)
         if isinstance(model.case.stepper, QuasiDynamic):
             yield Row("components of jumps", count_jumps(model), "", "each a solution of the bodies", early=True)
             yield Row("memory of their matrices", matrix_bytes(model), "B", "at most, on every rank", early=True)
+            yield from _iteration_rows(model, count_jumps(model))
+        elif slides and model.case.stepper.time_schemes == ("implicit",):
+            components = count_nodes(model) * model.components
+            yield Row("components of the surfaces", components, "", "each a solution of the bodies", early=True)
+            yield from _iteration_rows(model, components)
         return
     along = model.section.mesh_table.along_strike
     assert along is not None
@@ -110,6 +119,14 @@ def _work_rows(model: Model) -> Iterator[Row]:
     note = f"{work.wavenumbers} wavenumbers, each a system of {work.unknowns} unknowns"
     yield Row(f"{key}: solutions of a wavenumber", work.columns, "", note, early=True)
     yield Row(f"{key}: time of the matrices", work.seconds, "s", "of one core; none where they are stored", early=True)
+
+
+def _iteration_rows(model: Model, solutions: int) -> Iterator[Row]:
+    """Yield the time of solutions of bodies that are too large to be factorised."""
+    if not is_factorised(model):
+        unknowns = model.total_nodes * model.components
+        note = f"by iteration, of all ranks; {unknowns} unknowns are too many for factors"
+        yield Row("time of the solutions", solutions * unknowns * PER_UNKNOWN, "s", note, early=True)
 
 
 def _along_strike_rows(model: Model, motion: SeriesMotion) -> Iterator[Row]:

@@ -1,9 +1,9 @@
-"""Response of linear bodies to loads on their interfaces: one factorisation, and its inverse there as a matrix."""
+"""Response of linear bodies to loads on their interfaces: the inverse of their stiffness there, as a matrix."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -11,11 +11,14 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from ruptfx.platform import fem, parallel
+from ruptfx.stepping.implicit import preconditioners
+from ruptfx.stepping.implicit.iterated import Iterated
 from ruptfx.stepping.implicit.preconditioners.lu import has_mumps
 from ruptfx.stepping.implicit.tangent import Tangent
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
+    from ruptfx.stepping.implicit.preconditioners import Preconditioner
 
 COLUMNS = 64  # right-hand sides in one solution: fast, with little memory
 Finish = Callable[[np.ndarray], np.ndarray]
@@ -137,23 +140,39 @@ class Jumps:
 
 
 class Factors:
-    """Factorised matrix A of bodies.
+    """Inverse of the matrix A of bodies, by its factors or, where it is large, by iteration.
 
     Parameters
     ----------
     model : System
     tangent : Tangent
-        Its present matrix, which is symmetric.
+    fill : callable
+        Fills the matrix of the tangent, which is symmetric.
+    preconditioner : type of Preconditioner, optional
+        That of the tangent; default: that of models without options.
+
+    Attributes
+    ----------
+    inverse : Decomposed or Iterated
     """
 
-    def __init__(self, model: System, tangent: Tangent) -> None:
+    def __init__(
+        self, model: System, tangent: Tangent, fill: Callable[[], object],
+        preconditioner: type[Preconditioner] | None = None,
+    ) -> None:  # fmt: skip
         self.model = model
         self._owned = model.owned_nodes * model.components
         free = ~model.loads.prescribed
         free.reshape(model.nodes, -1)[model.layout.copies] = False
         self._free = free[: self._owned]
         self._ghosted = fem.dolfinx.fem.Function(model.space)
-        self._whole = Decomposed(tangent.matrix)
+        preconditioner = preconditioner or preconditioners.choose(model, {})
+        self.inverse: Decomposed | Iterated
+        if preconditioner.iterative:
+            self.inverse = Iterated(model, tangent, preconditioner, fill)
+        else:
+            fill()
+            self.inverse = Decomposed(tangent.matrix)
         self._strip: tuple[Decomposed, np.ndarray] | None = None
 
     def solve(self, force: np.ndarray) -> np.ndarray:
@@ -164,7 +183,7 @@ class Factors:
         force : ndarray, shape (nodes * components,)
             Complete at every local node [N].
         """
-        self._ghosted.x.array[: self._owned] = self._whole.solve(self._on_unknowns(force))
+        self._ghosted.x.array[: self._owned] = self.inverse.solve(self._on_unknowns(force))
         return self._displacement()
 
     def _on_unknowns(self, force: np.ndarray) -> np.ndarray:
@@ -192,7 +211,7 @@ class Factors:
 
     def _find_strip(self, where: np.ndarray, reach: float) -> None:
         """Factorise A within reach of some points, if that is much less than all; collective."""
-        model, matrix = self.model, self._whole.given
+        model, matrix = self.model, self.inverse.given
         away, _ = cKDTree(where).query(model.coordinates[: model.owned_nodes], distance_upper_bound=reach)
         dofs = np.flatnonzero(np.repeat(np.isfinite(away), model.components))
         if parallel.total(model.comm, len(dofs)) <= LARGEST_STRIP * model.total_nodes * model.components:
@@ -203,22 +222,10 @@ class Factors:
 
     def solve_each(self, forces: Iterable[np.ndarray], count: int) -> Iterator[np.ndarray]:
         """Yield A^-1 of several forces at a time, which is faster; collective, all ranks must exhaust it."""
-        matrices = []
-        for _ in range(2):
-            made: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
-            dense = made.createDense(((self._owned, None), (None, count)), comm=self.model.comm)
-            dense.setUp()
-            dense.assemble()
-            matrices.append(dense)
-        value, result = matrices
-        loads = value.getDenseArray()
+        loads = np.zeros((self._owned, count), order="F")
         for column, force in enumerate(forces):
             loads[:, column] = self._on_unknowns(force)
-        value.assemble()
-        self._whole.matrix.matSolve(value, result)
-        answers = result.getDenseArray().copy()
-        value.destroy()
-        result.destroy()
+        answers = self.inverse.solve_all(loads)
         for answer in answers.T:
             self._ghosted.x.array[: self._owned] = answer
             yield self._displacement()
@@ -244,7 +251,8 @@ class Factors:
         result = np.zeros((local, local, points, points))
         reach = self._reach(unknowns, distance)
         groups = apart(distance, 2 * reach)
-        if strip and reach < distance.max(initial=0.0):  # else everything is felt everywhere, as in equilibrium
+        # Without the limited reach everything is felt everywhere, as in equilibrium.
+        if strip and reach < distance.max(initial=0.0) and isinstance(self.inverse, Decomposed):
             self._find_strip(unknowns.where, reach)
         for batch in batches(groups, max(1, COLUMNS // local)):
             answered = self._answer(unknowns, batch)
@@ -279,7 +287,7 @@ class Factors:
 
     def destroy(self) -> None:
         """Free the factors; collective."""
-        self._whole.destroy()
+        self.inverse.destroy()
         if self._strip is not None:
             self._strip[0].destroy()
 
@@ -308,9 +316,10 @@ class Decomposed:
         return np.asarray(self._left.array_r)
 
     def solve_all(self, right: np.ndarray) -> np.ndarray:
-        """Return the solutions for several columns of a matrix that one rank has alone."""
+        """Return the solutions for several columns, of the entries of this rank; collective."""
         dense: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
-        value = dense.createDense(right.shape, array=np.asfortranarray(right), comm=self.given.comm)
+        size = (right.shape[0], None), (None, right.shape[1])
+        value = dense.createDense(size, array=np.asfortranarray(right), comm=self.given.comm)
         result = value.duplicate()
         self.matrix.matSolve(value, result)
         answer: np.ndarray = result.getDenseArray().copy()
@@ -401,8 +410,7 @@ class Compliance(Influence):
         self, model: System, jumps: Jumps, tangent: Tangent, factors: tuple[float, float], stuck: dict[str, np.ndarray]
     ) -> None:
         self._jumps = jumps
-        tangent.update(*factors, stuck, driven=tangent.unit)
-        self._factors = Factors(model, tangent)
+        self._factors = Factors(model, tangent, partial(tangent.update, *factors, stuck, driven=tangent.unit))
         self.solve, self.solve_each = self._factors.solve, self._factors.solve_each
         super().__init__(jumps.gather(stuck), self._factors.answers(jumps, strip=True), jumps.weight)
 

@@ -59,17 +59,19 @@ INEXACT = 1e-3  # relative residual of linear systems: Newton's iteration hardly
 def fits(model: System) -> bool:
     """Return whether the steps of a model can be condensed; collective.
 
-    Bodies must be linear and factorised by default, with few interface unknowns, and without mechanisms that act on
-    them besides boundaries and faults.
+    Bodies must be linear and, without finite sliding, factorised by default, with few interface unknowns, and without
+    mechanisms that act on them besides boundaries and faults.
     """
-    return count_jumps(model) <= MAX_UNKNOWNS and is_condensable(model)
+    if count_jumps(model) > MAX_UNKNOWNS or not is_condensable(model):
+        return False
+    return is_factorised(model) or any(fault.slides for fault in model.faults)
 
 
 def is_condensable(model: System) -> bool:
     """Return whether a matrix of the interfaces gives their tractions, however large it is; collective."""
     if responding(model.mechanisms):
         return False
-    return count_jumps(model) > 0 and is_factorised(model) and is_linear(model.bulk)
+    return count_jumps(model) > 0 and is_linear(model.bulk)
 
 
 def count_jumps(model: System) -> int:
@@ -99,11 +101,6 @@ def require_fit(model: System) -> None:
         raise CaseError(
             f"{label}: the surfaces have {unknowns} degrees of freedom, implicit steps take {MAX_UNKNOWNS} (their "
             f"stiffness is a dense matrix); use larger elements along the interface, {instead}"
-        )
-    if not is_factorised(model):
-        raise CaseError(
-            f"{label}: implicit steps factorise the bodies, and {model.total_nodes * model.components} degrees of "
-            f"freedom are too many, or there is no MUMPS for {model.comm.size} ranks; use larger elements, {instead}"
         )
 
 

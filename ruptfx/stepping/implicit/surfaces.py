@@ -15,6 +15,7 @@ are closed and stuck is added, and the inverse of the sum gives jumps from tract
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -141,8 +142,9 @@ class SurfaceStiffness:
         self.free = surfaces.gather(model.loads.prescribed.reshape(nodal)).ravel() == 0
         # Springs at the nodes of interfaces, which D has not: factors exist also where only interfaces support a body.
         springs = surfaces.gather(own.reshape(nodal))
-        tangent.update(*factors, {}, driven=tangent.unit, springs=surfaces.force(springs, len(own)))
-        self.factors = Factors(model, tangent)
+        held = surfaces.force(springs, len(own))
+        fill = partial(tangent.update, *factors, {}, driven=tangent.unit, springs=held)
+        self.factors = Factors(model, tangent, fill)
         blocks = self.factors.answers(surfaces)
         free, size = self.free, surfaces.points * surfaces.local
         compliance = blocks.transpose(2, 0, 3, 1).reshape(size, size)[np.ix_(free, free)]

@@ -114,9 +114,8 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
     def _make_bodies(self) -> LoadedBodies | SeriesBodies:
         if not is_condensable(self.model):
             raise CaseError(
-                "stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and these have "
-                f"{self.model.total_nodes * self.model.components} unknowns; use 'quasi_static', fewer nodes, or "
-                "mesh.along_strike for a section that repeats along strike"
+                "stepper.kind = 'quasi_dynamic': for linear bodies with faults and without attachments; use "
+                "'quasi_static'"
             )
         need_memory(self.model)
         return LoadedBodies(self.equilibrium, self._shear, self.greatest)

@@ -16,7 +16,8 @@ from ruptfx.bodies.operators.diagonal import stiffness_diagonal
 from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.bodies.space.variation import Variation
 from ruptfx.interfaces.faults.interface import build_interface
-from ruptfx.platform import fem
+from ruptfx.platform import fem, parallel
+from ruptfx.stepping.implicit.preconditioners.gamg import rigid_motions
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.faults.interface import Interface
@@ -210,14 +211,25 @@ class Level(Space):
 
 
 class CoarseLevel(Space):
-    """The level of order 1, assembled.
+    """The level of order 1, assembled; its unknowns are displacements or, at stiff interfaces, means and jumps.
+
+    Algebraic multigrid aggregates nodes across a stiff interface that do not move together. In means and jumps of the
+    two sides the stiffness of the interface is on the diagonal, which the smoother takes into account.
 
     Attributes
     ----------
     matrix : PETSc.Mat
+    interpolation : PETSc.Mat
+        From the unknowns to the next finer level.
     """
 
-    def __init__(self, model: System, layout: Nodes, bulk: operators.Bulk, fixed: np.ndarray) -> None:
+    matrix: Any = None
+    interpolation: Any = None
+    _sum: Any
+
+    def __init__(
+        self, model: System, layout: Nodes, bulk: operators.Bulk, fixed: np.ndarray, faces: list[Interface]
+    ) -> None:
         super().__init__(model, layout, bulk, fixed)
         none = np.zeros((0, 2), dtype=np.int64)
         self._bodies = fem.matrix(stiffness_form(bulk, EXACT), none, self.tied)
@@ -230,13 +242,25 @@ class CoarseLevel(Space):
         for each in (self._bodies, self._viscous):
             if each is not None:
                 each.zeroRowsColumns(self._rows, diag=0.0)
-        self.matrix: Any = None
+        self._pairs = _pairs(faces, layout.count)
+        self._stiff = np.zeros((len(self._pairs), c), dtype=bool)
+        self._basis: Any = fem.nodal_matrix(layout.space, [self._pairs])
+        self._fill_basis()
 
-    def make_room(self, added: Any) -> None:
-        """Make the matrix, with room for what is added; collective."""
-        self.matrix = self._bodies.duplicate(copy=True)
-        self.matrix.axpy(1.0, added, fem.PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        self.matrix.setOption(fem.PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+    def make_room(self, added: Any, finer: Any) -> None:
+        """Make the matrices, with room for what is added; collective.
+
+        Parameters
+        ----------
+        finer : PETSc.Mat
+            Interpolation of displacements to the next finer level.
+        """
+        self._sum = self._bodies.duplicate(copy=True)
+        self._sum.axpy(1.0, added, fem.PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        self._sum.setOption(fem.PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self._finer, self.interpolation = finer, finer.matMult(self._basis)
+        self.matrix = self._sum.ptap(self._basis)
+        self._set_rigid_motions()
 
     def renew(self, added: Any, damped: float, unit: float) -> None:
         """Compute the matrix; collective.
@@ -251,18 +275,67 @@ class CoarseLevel(Space):
             Diagonal entry where there is no equation.
         """
         structure = fem.PETSc.Mat.Structure
-        self.matrix.zeroEntries()
-        self.matrix.axpy(1.0, self._bodies, structure.SUBSET_NONZERO_PATTERN)
-        self.matrix.axpy(1.0, added, structure.SUBSET_NONZERO_PATTERN)
+        self._sum.zeroEntries()
+        self._sum.axpy(1.0, self._bodies, structure.SUBSET_NONZERO_PATTERN)
         if damped and self._viscous is not None:
-            self.matrix.axpy(damped, self._viscous, structure.SUBSET_NONZERO_PATTERN)
-        self.matrix.zeroRowsColumns(self._rows, diag=unit)
+            self._sum.axpy(damped, self._viscous, structure.SUBSET_NONZERO_PATTERN)
+        of_bodies = self._sum.getDiagonal()
+        self._sum.axpy(1.0, added, structure.SUBSET_NONZERO_PATTERN)
+        self._sum.zeroRowsColumns(self._rows, diag=unit)
+        self._choose_basis(of_bodies.array, added.getDiagonal().array)
+        self._sum.ptap(self._basis, result=self.matrix)
+
+    def _choose_basis(self, bodies: np.ndarray, added: np.ndarray) -> None:
+        """Use means and jumps where both diagonals of a pair are mostly those of the interface; collective."""
+        ghosted = fem.dolfinx.fem.Function(self.layout.space)
+        ghosted.x.array[: self.owned] = (added > bodies) & ~self.fixed[: self.owned]
+        ghosted.x.scatter_forward()
+        stiff = (ghosted.x.array.reshape(self.layout.count, -1)[self._pairs] > 0).all(axis=1)
+        if parallel.anywhere(self.layout.comm, not np.array_equal(stiff, self._stiff)):
+            self._stiff = stiff
+            self._fill_basis()
+            self._finer.matMult(self._basis, result=self.interpolation)
+            self._set_rigid_motions()
+
+    def _fill_basis(self) -> None:
+        """Set the map from the unknowns to displacements; collective.
+
+        A pair has its mean in the place of the first node, and its jump in that of the second.
+        """
+        c, numbers = self.layout.components, self.layout.space.dofmap.index_map
+        made, insert = self._basis, fem.PETSc.InsertMode.INSERT_VALUES
+        ones = made.createVecLeft()
+        ones.set(1.0)
+        made.setDiagonal(ones)
+        made.assemble()
+        places = numbers.local_to_global(self._pairs.ravel().astype(np.int32)).reshape(-1, 2)
+        for pair, stiff in zip(places.astype(fem.PETSc.IntType), self._stiff, strict=True):
+            block = np.eye(2 * c)
+            block[:c, c:], block[c:, :c] = np.diag(0.5 * stiff), np.diag(1.0 * stiff)
+            block[c:, c:] -= np.diag(1.5 * stiff)
+            made.setValuesBlocked(pair, pair, block, addv=insert)
+        made.assemble()
+
+    def _set_rigid_motions(self) -> None:
+        """Set the near null space of the matrix, in which jumps are zero; collective."""
+        jumps = np.zeros((self.layout.count, self.layout.components), dtype=bool)
+        jumps[self._pairs[:, 1]] = self._stiff
+        owned = slice(self.layout.owned)
+        self.matrix.setNearNullSpace(rigid_motions(self.layout.coordinates[owned], self.matrix, jumps[owned]))
+
+
+def _pairs(faces: list[Interface], count: int) -> np.ndarray:
+    """Return local nodes on both sides of interfaces, shape (n, 2), without those where interfaces meet."""
+    pairs = [cluster for cluster in _clusters(_groups_of(faces), count) if cluster.shape[1] == 2]
+    return np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
 
 
 def make_levels(model: System) -> tuple[list[Level], CoarseLevel]:
     """Return the levels of a model, from the finest on, and that of order 1; collective."""
     fixed = model.loads.prescribed
-    groups = _groups_of(fault.interface for fault in model.faults)
+    # Sliding contact is not part of the matrix of the bodies (`surfaces`).
+    names = [fault.name for fault in model.faults if not fault.slides]
+    groups = _groups_of(fault.interface for fault in model.faults if not fault.slides)
     groups += [support.nodes[:, None] for support in model.loads.supports]
     finest = Level(model, model.layout, model.bulk, fixed, groups)
     levels: list[Level] = [finest]
@@ -277,10 +350,10 @@ def make_levels(model: System) -> tuple[list[Level], CoarseLevel]:
         bulk = replace(model.bulk, space=space, variation=variation)
         coarse_fixed = _fixed_on(space, finest, model.components)
         if order == 1:
-            coarsest = CoarseLevel(model, layout, bulk, coarse_fixed)
+            coarsest = CoarseLevel(model, layout, bulk, coarse_fixed, [build_interface(layout, name) for name in names])
             levels[-1].interpolation = _interpolation(finer, coarsest)
             return levels, coarsest
-        groups = _groups_of(build_interface(layout, fault.name) for fault in model.faults)
+        groups = _groups_of(build_interface(layout, name) for name in names)
         levels.append(Level(model, layout, bulk, coarse_fixed, groups))
         levels[-2].interpolation = _interpolation(finer, levels[-1])
         order //= 2

@@ -27,7 +27,7 @@ class Gamg(Preconditioner):
         tangent.matrix.setNearNullSpace(rigid_motions(model.coordinates[: model.owned_nodes], tangent.matrix))
 
 
-def rigid_motions(x: np.ndarray, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
+def rigid_motions(x: np.ndarray, matrix: fem.PETSc.Mat, jumps: np.ndarray | None = None) -> fem.PETSc.NullSpace:
     """Return translations and rotations of the owned unknowns, as the near null space of a stiffness.
 
     Parameters
@@ -36,6 +36,8 @@ def rigid_motions(x: np.ndarray, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
         Coordinates [m].
     matrix : PETSc.Mat
         Its block size is the number of components.
+    jumps : ndarray of bool, shape (owned nodes, components), optional
+        Unknowns that are jumps, which a rigid motion does not have.
     """
     c = matrix.getBlockSize()
     modes = [np.tile(np.eye(c)[k], (len(x), 1)) for k in range(c)]
@@ -46,7 +48,7 @@ def rigid_motions(x: np.ndarray, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
     vectors: list[fem.PETSc.Vec] = []
     for mode in modes:
         vector = matrix.createVecRight()
-        vector.array[:] = mode.ravel()
+        vector.array[:] = (mode if jumps is None else np.where(jumps, 0.0, mode)).ravel()
         for other in vectors:  # orthonormal, as PETSc wants them
             vector.axpy(-vector.dot(other), other)
         vector.normalize()

@@ -21,7 +21,6 @@ from ruptfx.platform import fem, parallel
 from ruptfx.stepping.implicit.options import PetscOptions
 from ruptfx.stepping.implicit.preconditioners import Preconditioner
 from ruptfx.stepping.implicit.preconditioners._levels import Level, make_levels
-from ruptfx.stepping.implicit.preconditioners.gamg import rigid_motions
 from ruptfx.stepping.implicit.preconditioners.lu import factorise, fits
 from ruptfx.stepping.implicit.tangent import Tangent
 
@@ -53,7 +52,7 @@ class MatrixFreeTangent(Tangent):
         for level in self.levels:
             level.added = added
             added = level.added_to_next()
-        self.coarse.make_room(added)
+        self.coarse.make_room(added, self.levels[-1].interpolation)
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
         """Return zeros with room for what is added to K."""
@@ -86,14 +85,15 @@ class Mg(Preconditioner):
     unsymmetric: ClassVar[str] = "fgmres"
     defaults: ClassVar[PetscOptions] = {
         "mg_levels_ksp_chebyshev_kind": "opt_fourth", "mg_levels_esteig_ksp_max_it": 10,
+        "mg_coarse_pc_gamg_reuse_interpolation": False,  # the unknowns may change with the matrix
     }  # fmt: skip
 
     @classmethod
     def reason_against(cls, model: System) -> str:
         if model.order == 1 or not has_diagonal(model.bulk):
             return "levels of lower order need quadrilaterals or hexahedra of order 2 at least, and no axis"
-        if responding(model.mechanisms) or any(fault.slides for fault in model.faults):
-            return "levels of lower order know neither attachments nor sliding contact nor materials with memory"
+        if responding(model.mechanisms):
+            return "levels of lower order know neither attachments nor materials with memory"
         return "" if is_linear(model.bulk) else "levels of lower order need materials whose stiffness is constant"
 
     @classmethod
@@ -114,7 +114,7 @@ class Mg(Preconditioner):
         pc.setMGLevels(len(levels))
         for number, level in enumerate(levels[1:], 1):
             assert isinstance(level, Level)
-            pc.setMGInterpolation(number, level.interpolation)
+            pc.setMGInterpolation(number, coarse.interpolation if number == 1 else level.interpolation)
             smoother = pc.getMGSmoother(number)
             smoother.setType("chebyshev")
             smoother.setTolerances(max_it=products)
@@ -130,9 +130,6 @@ class Mg(Preconditioner):
             solver.setTolerances(max_it=CYCLES, rtol=0.0)
             solver.setNormType(norms.NONE)
             solver.getPC().setType("gamg")
-            coarse.matrix.setNearNullSpace(
-                rigid_motions(coarse.layout.coordinates[: coarse.layout.owned], coarse.matrix)
-            )
 
 
 def _mean_aspect_ratio(model: System) -> float:
