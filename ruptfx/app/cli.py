@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import ctypes
 import inspect
+import re
 import sys
 from collections.abc import Collection
 from importlib import import_module
@@ -102,7 +103,9 @@ _modules = {name: import_module(f"ruptfx.app.commands.{name}") for name in sorte
 for _name, _module in sorted(_modules.items(), key=lambda each: HEADINGS.index(each[1].HEADING)):
     _function, _heading = getattr(_module, _name), _module.HEADING
     _help = _paragraphs(_function.__doc__)
-    app.command(name=_name.replace("_", "-"), cls=Command, help=_help, rich_help_panel=_heading)(_function)
+    _short = re.split(r"[:;]|\.\s|\.$", _help)[0] + "."  # of the list of commands
+    _options = {"cls": Command, "help": _help, "short_help": _short, "rich_help_panel": _heading}
+    app.command(name=_name.replace("_", "-"), **_options)(_function)
 
 
 def program() -> None:

@@ -220,7 +220,7 @@ def _with_clocks(table: NumberTable) -> NumberTable:
         for row, time in zip(rows, times, strict=True):
             row[column] = str(time - times[0])
         for _, cells in headers:
-            cells[column] = re.sub(r"\s*[(\[].*[)\]]", "", cells[column])
+            cells[column] = re.sub(r"\s*[(\[].*[)\]]", "", cells[column]) + " (s)"
     text = [f"column {i + 1} is a time of day, read as seconds since its first one" for i in clocks]
     return replace(table, rows=rows, headers=headers, decisions=(*table.decisions, *text)) if clocks else table
 

@@ -452,6 +452,8 @@ def test_version_and_help() -> None:
     assert ruptfx("--version").output.strip() == __version__
     for command in ("run", "check", "plot", "describe", "demos", "bench", "study"):
         assert command in ruptfx("--help").output
+    listed = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["--help"]).output
+    assert len(listed.splitlines()) < 60 and "…" not in listed  # two screens
 
 
 @pytest.mark.parametrize("name", GROUP.commands)

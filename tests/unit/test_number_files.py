@@ -239,6 +239,8 @@ def test_times_of_day_are_seconds_since_the_first_row(text: str, tmp_path: Path)
     path = written(tmp_path / "v.csv", text)
     assert two_columns(path, "time", ("s", "m/s")) == ([0.0, 0.2, 1.2], [1.0, 2.0, 3.0])
     assert "time of day" in describe_reading(path)[0]
+    path = written(tmp_path / "v.csv", text.replace("v", "v (m/s)", 1))  # as data of an inference
+    assert with_units(path)["time"] == ([0.0, 0.2, 1.2], "s")
 
 
 def test_a_number_like_a_mark_of_missing_values_is_read_among_others_of_its_size(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def converge(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
-    """Run a case and the same on coarser meshes: an error bar for every number of the summary and the instruments.
+    """Compute an error bar of every number of a run from coarser meshes: of its summary and its instruments.
 
     Started again, it runs only the missing levels. The run of the case as it is has the bars in its summary.
 
