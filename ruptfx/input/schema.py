@@ -283,6 +283,10 @@ else:
                 raise CaseError.from_validation(error, cls.__name__) from None
 
 
+_INTERNAL = {"choices", "copied", "former_keys", "hash_in", "loaded", "needs", "read_sums", "set_sums", "substituted"}
+"""Methods of parts and cases that only the package calls: no completion offers them."""
+
+
 class Part(BaseModel, metaclass=_Reworded):
     """One table of a case: immutable, strictly typed; an unknown key is an error that names the nearest one."""
 
@@ -338,8 +342,8 @@ class Part(BaseModel, metaclass=_Reworded):
         )
 
     def __dir__(self) -> list[str]:
-        """Return the own keys and methods for completion, without those of pydantic."""
-        hidden = set(dir(BaseModel)) - {"model_copy"}
+        """Return the own keys and methods for completion, without those of pydantic and of the package itself."""
+        hidden = set(dir(BaseModel)) - {"model_copy"} | _INTERNAL
         return sorted(name for name in super().__dir__() if not name.startswith("__") and name not in hidden)
 
     def files(self) -> list[Path]:

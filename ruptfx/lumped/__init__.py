@@ -65,6 +65,10 @@ class LumpedModel(CaseFile, Alternative):
         """
         raise NotImplementedError
 
+    def constants(self) -> dict[str, float | str]:
+        """Return numbers that are known before the model is computed, by name, in SI units."""
+        return {}
+
     @classmethod
     def figures(cls, dataset: xarray.Dataset) -> dict[str, Figure]:
         """Draw the figures of a result, by name, with `figures` of `figures.py` in its package."""

@@ -560,6 +560,9 @@ class Record(Files):
             "summary": lambda: f"mode {self.summary.get('mode')}" if self.summary else "none yet",
             "figures": lambda: ", ".join(path.name for path in self.figures) or "none",
         }
+        if (self.path / "result.nc").is_file():  # of a lumped model
+            parts = {name: parts[name] for name in ("case", "summary", "figures")}
+            parts["summary"] = lambda: "ruptfx.lumped.read_result(path) has the result as an xarray.Dataset"
         lines = [f"Record {self.path} ({'complete' if self.complete else 'not complete'})"]
         for name, describe in parts.items():
             try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +16,7 @@ from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
 from ruptfx.app.cli import app
-from ruptfx.case import parse_case
+from ruptfx.case import parse_case, read_case
 from ruptfx.input.schema import CaseError, find
 from ruptfx.laws.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import extreme, read_result, redraw, rehearse, simulate
@@ -24,7 +25,9 @@ from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import Temperatures, VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
 from ruptfx.lumped.spring_slider.stability import StabilityDiagram, _cycles
+from ruptfx.results.record import Record
 
+SLIDER = str(Path(__file__).parents[2] / "demos" / "spring_slider.toml")
 W = 16.0
 VARIANTS = [(0.0, 0.0), (0.0, 0.4e-6), (1.6, 0.0), (1.6, 0.4e-6)]
 LAWS = ("rate_and_state_ageing", "rate_and_state_slip", "rate_and_state_saturating")
@@ -216,6 +219,23 @@ def test_a_run_leaves_a_complete_directory(tmp_path: Path) -> None:
         simulate(model, tmp_path / "run")
     with pytest.raises(RuptfxError, match=r"result\.nc"):
         redraw(tmp_path)
+
+
+def test_check_prints_the_critical_stiffness_and_a_record_names_the_result(tmp_path: Path) -> None:
+    """K_c of the demo: (b - a) W / D_c in series with the interface W / lambda; K is twice that."""
+    shown = CliRunner().invoke(app, ["check", SLIDER, "--set", "experiment.distance=2e-6"]).output
+    printed = dict(re.findall(r"^(\w+) = (\S+)", shown, re.MULTILINE))
+    contact = (0.026 - 0.013) * 16 / 0.42e-6  # of the block at its contact [N/m]
+    series = contact * (16 / 0.4e-6) / (16 / 0.4e-6 - contact)
+    assert float(printed["K_c"]) == pytest.approx(series, rel=1e-3) and "N/m" in shown
+    assert float(printed["K_over_K_c"]) == pytest.approx(1e6 / series, rel=1e-3)
+    model = read_case(SLIDER, ["experiment.distance=2e-6"])
+    shown = CliRunner().invoke(app, ["run", SLIDER, "--out", str(tmp_path / "run"), "--quiet",
+                                     "--set", "experiment.distance=2e-6"])  # fmt: skip
+    assert shown.exit_code == 0 and model.constants()["K_c"] == pytest.approx(float(printed["K_c"]), rel=1e-5)
+    with Record(tmp_path / "run") as record:
+        assert "read_result" in repr(record) and "missing" not in repr(record)
+    assert read_result(tmp_path / "run").attrs["K_c"] == model.constants()["K_c"]
 
 
 def test_a_run_prints_its_numbers_with_units(tmp_path: Path) -> None:

@@ -107,6 +107,7 @@ def test_lumped_models_change_too(tmp_path: Path) -> None:
 
 def test_completion_offers_keys_and_own_methods_only() -> None:
     offered = dir(case())
+    assert not {"copied", "hash_in", "loaded", "substituted", "choices"} & set(offered) and "changed" in offered
     assert {"duration", "mesh", "changed", "hash", "to_toml", "initial_tensor"} <= set(offered)
     assert not [name for name in offered if name.startswith(("model_f", "model_v", "__")) or name == "dict"]
     assert "strength" in dir(case().faults["main"].friction)

@@ -44,6 +44,11 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
             if not is_complete:
                 screen.print(f"It was computed for {TRIAL:g} s without an error, and not to its end.")
+            from ruptfx.results.summary_fields import unit
+
+            constants = {name: value for name, value in parsed.constants().items() if isinstance(value, float)}
+            for name, value in constants.items():
+                screen.print(f"{name} = {value:.6g} {unit(name)}".rstrip())
             for number in extreme(parsed):
                 screen.print(f"warning: far from the usual: {number}", style="yellow")
             return

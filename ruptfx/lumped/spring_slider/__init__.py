@@ -100,9 +100,18 @@ class SpringSlider(LumpedModel):
         assert isinstance(self.friction, RateAndState)
         dataset = self.experiment.run_with(self.friction, slider, progress)
         slider = self.experiment.resulting(slider, dataset)
+        # Bifurcations and fits have some of these, of the same slider, as variables.
+        dataset.attrs |= {name: value for name, value in self._constants(slider).items() if name not in dataset}
+        return dataset
+
+    def constants(self) -> dict[str, float | str]:
+        return self._constants(self.slider())
+
+    def _constants(self, slider: Slider) -> dict[str, float | str]:
+        """Return the constants of a slider; critical ones are those at the speed of the experiment."""
         speed = getattr(self.experiment, "speed", float(slider.law.V_0))
         critical, omega = critical_stiffness(slider, speed)
-        constants = {
+        return {
             "K_c": critical,
             "K_over_K_c": self.stiffness / critical if critical else float("inf"),
             "onset_frequency": omega / (2 * np.pi),
@@ -111,9 +120,6 @@ class SpringSlider(LumpedModel):
             "normal_force": self.normal_force,
             "law": self.friction.kind(),
         }
-        # Bifurcations and fits have some of these, of the same slider, as variables.
-        dataset.attrs |= {name: value for name, value in constants.items() if name not in dataset}
-        return dataset
 
     @staticmethod
     def summarise(dataset: xarray.Dataset) -> Summary:
