@@ -51,6 +51,15 @@ def test_eight_numbers_with_units() -> None:
     assert len(rows(CRACK | more)) == 8
 
 
+def test_each_of_several_interfaces_has_a_row() -> None:
+    faults = {"far_fault": {"mode": "crack", "max_slip": 1.5, "moment": 3.2e18, "stress_drop": 2.5e6},
+              "near": {"mode": "none", "max_slip": 0.0, "moment": 0.0}, "third": {"max_slip": 0.0}}  # fmt: skip
+    *others, first, second, third = rows(CRACK | {"interfaces": faults})
+    assert others == rows(CRACK)
+    assert first == ("faults.far_fault", "crack, max slip 1.5 m, moment 3.2e+18 N m, stress drop 2.5 MPa")
+    assert second == ("faults.near", "none") and third == ("faults.third", "no slip")
+
+
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
     [(31.7e-6, "s", "31.7 us"), (7.2e4, "Pa", "72 kPa"), (-3e-3, "m", "-3 mm"), (0.0, "m", "0 m"),

@@ -150,7 +150,7 @@ def _show_summary(out: Path, verbose: bool) -> None:
                 table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value), unit(key))
     else:
         for key, text in rows(summary):
-            table.add_row(key.replace("_", " "), text)
+            table.add_row(key if key.startswith("faults.") else key.replace("_", " "), text)
     screen.print(table)
     screen.print(f"Run directory: {out}" + " (all numbers: summary.json)" * bool(said and not verbose), soft_wrap=True)
 

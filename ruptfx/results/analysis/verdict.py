@@ -16,6 +16,8 @@ ROWS = (
     "energy_closure", "steps", "wall_time",
 )  # fmt: skip
 """Fields of the summary in the order of their interest; the first eight that are known and not zero are shown."""
+OF_EACH = ("max_slip", "moment", "stress_drop", "tip_speed", "rupture_speed", "first_sliding")
+"""Fields of the row of each of several interfaces."""
 _SHARES = ("tensile_share", "energy_closure")
 
 
@@ -87,7 +89,7 @@ def _fracture(summary: Table) -> Iterator[str]:
 
 
 def rows(summary: Table, most: int = 8) -> list[tuple[str, str]]:
-    """Return names and values with units of the fields of most interest.
+    """Return names and values with units of the fields of most interest, and a row for each of several interfaces.
 
     Parameters
     ----------
@@ -96,7 +98,15 @@ def rows(summary: Table, most: int = 8) -> list[tuple[str, str]]:
     """
     known = [(name, value) for name in ROWS if (value := summary.get(name))][:most]
     bars = _bars(summary)
-    return [(name, shown(name, value) + (_bar(name, bars[name]) if name in bars else "")) for name, value in known]
+    result = [(name, shown(name, value) + (_bar(name, bars[name]) if name in bars else "")) for name, value in known]
+    return result + [(f"faults.{name}", _of_one(table)) for name, table in (summary.get("interfaces") or {}).items()]
+
+
+def _of_one(summary: Table) -> str:
+    """Return mode and numbers of one of several interfaces."""
+    mode = str(summary.get("mode_before_arrest") or summary.get("mode") or "")
+    numbers = [f"{name.replace('_', ' ')} {shown(name, value)}" for name in OF_EACH if (value := summary.get(name))]
+    return ", ".join([*[mode] * bool(mode), *numbers]) or "no slip"
 
 
 def _bars(summary: Table) -> Table:
