@@ -46,9 +46,9 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
                 screen.print(f"It was computed for {TRIAL:g} s without an error, and not to its end.")
             from ruptfx.results.summary_fields import unit
 
-            constants = {name: value for name, value in parsed.constants().items() if isinstance(value, float)}
-            for name, value in constants.items():
-                screen.print(f"{name} = {value:.6g} {unit(name)}".rstrip())
+            for name, constant in parsed.constants().items():
+                if not isinstance(constant, str):
+                    screen.print(f"{name} = {constant:.6g} {unit(name)}".rstrip())
             for number in extreme(parsed):
                 screen.print(f"warning: far from the usual: {number}", style="yellow")
             return
