@@ -55,6 +55,7 @@ NO_NUMBERS = {
     r"attachments\.\w+\.name": "of a group of attachments.h5",
     r"cameras(\..*)?": "films are made from the records",
     r"instruments\.\w+\.fault": "names the interface of several",
+    r"instruments\.\w+\.stations": "gives the points that are in the case; test_stations.py",
     r"faults\.main\.initial_stress\.(normal\.profile|shear\.terms\.3)\.(file|variable)": "gives the lists beside it",
 }
 """Keys that may leave the numbers as they are, and why."""

@@ -194,3 +194,24 @@ def test_without_pyproj_its_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     frame = MapFrame(origin=[-117.0, 35.0], projection="EPSG:32611")
     with pytest.raises(CaseError, match=facts(r"projection = 'EPSG:32611' .*pip install 'ruptfx\[geo\]'")):
         frame.to_model(np.zeros((1, 2)))
+
+
+@pytest.mark.parametrize("order", [1, 4])
+def test_maps_end_at_a_concave_outline(order: int) -> None:
+    """Rows of points below a valley, also of uneven nodes: the triangles cover the area under it, and none above."""
+    from ruptfx.results.plots.surface_maps import triangulated
+
+    ends = {1: [0.0, 1.0], 4: [0.0, 0.1727, 0.5, 0.8273, 1.0]}[order]
+    x = np.unique(np.concatenate([i + np.array(ends) for i in range(16)]).round(6))
+    rows = np.unique(np.concatenate([i + np.array(ends) for i in range(8)]).round(6)) / 8
+    outline = 1.2 * np.cos(2 * np.pi * x / 16)
+    points = np.stack([np.tile(x, len(rows)), np.concatenate([outline + (-8 - outline) * row for row in rows])])
+    triangles = triangulated(*points)
+    corners = points[:, triangles.get_masked_triangles()]
+    a, b = corners[..., 1] - corners[..., 0], corners[..., 2] - corners[..., 0]
+    area = 0.5 * np.abs(a[0] * b[1] - a[1] * b[0])
+    middle = corners.mean(axis=2)
+    above = middle[1] - np.interp(middle[0], x, outline)
+    assert area.sum() == pytest.approx(8 * 16, rel=0.01)
+    assert area[above > 0].sum() < 0.003 * 8 * 16
+    assert triangles.mask.sum() > 10

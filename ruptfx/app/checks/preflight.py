@@ -245,6 +245,7 @@ def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
             carried = min(
                 model.case.order * slowest[place.body] / (NODES_PER_WAVELENGTH * place.element_size) for place in places
             )
+            notes += [place.note for place in places if place.note]
             notes.append(f"the mesh carries S waves to {carried:.3g} Hz, {NODES_PER_WAVELENGTH} nodes per wavelength")
             if 0 < instrument.extent < spacing:
                 notes.append(f"shorter than the {spacing:.3g} m between nodes: it measures as at a point")

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.tri import Triangulation
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -17,6 +16,7 @@ from ruptfx.interfaces.sliding.interface import SlidingInterface
 from ruptfx.platform import fem
 from ruptfx.results.figure_style import RATE_MAP, blank_figure, scale, styled
 from ruptfx.results.plots import figure_of
+from ruptfx.results.plots.surface_maps import triangulated
 from ruptfx.run.model import Model
 
 Array = np.ndarray
@@ -128,10 +128,10 @@ def _draw_map(axes: Axes, fault: Fault, facets: Array, other: Array) -> None:
     assert face.across is not None
     values, text, si = np.linalg.norm(fault.shear_traction_0, axis=1), "Initial shear traction", "Pa"
     size, unit = scale(np.ptp(positions(fault, facets).reshape(-1, 2), axis=0), "m")
-    triangles = Triangulation(face.position / size, face.across / size)
+    triangles = triangulated(face.position / size, face.across / size)
     if isinstance(face, SlidingInterface):
         values, text, si = np.where(face.covered, face.resting_jump, 0.0), "Initial gap", "m"
-        triangles.set_mask(~face.covered[triangles.triangles].all(axis=1))
+        triangles.set_mask(triangles.mask | ~face.covered[triangles.triangles].all(axis=1))
     value, value_unit = scale(values, si)
     drawn = axes.tripcolor(triangles, values / value, cmap=RATE_MAP, shading="gouraud")
     corners = positions(fault, facets) / size

@@ -69,6 +69,10 @@ class Inside:
         Index of the body that contains it.
     functions : dict of int to ndarray
         Shape functions of every local cell with the point, over the number of all these cells.
+    point : list of float
+        Its coordinates [m].
+    note : str
+        By how much it was moved; empty if it was not.
 
     Raises
     ------
@@ -81,6 +85,7 @@ class Inside:
         boxes: CellBoxes | None = None, first: bool = False,
     ) -> None:  # fmt: skip
         self.model = model
+        self.point, self.note = [float(x) for x in point], ""
         names, position = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
         if body is not None and body not in names:
             raise CaseError(f"{key}.body = '{body}': no such body, {nearest(body, names)}")
@@ -132,8 +137,8 @@ class Inside:
     def at_surface(
         cls, model: Discretisation, point: Sequence[float], body: str | None, key: str,
         boxes: CellBoxes | None = None, anyhow: bool = False,
-    ) -> tuple[Inside, list[float], str]:  # fmt: skip
-        """Return a point inside, or one of the upper surface in its place, its coordinates [m] and a note; collective.
+    ) -> Inside:  # fmt: skip
+        """Return a point inside, or one of the upper surface in its place, with a note; collective.
 
         A point above the surface, by half an element at most, is moved straight down to it.
 
@@ -152,15 +157,16 @@ class Inside:
         surface = _surface(model, np.array(plan), boxes)
         apart = height - surface
         if not np.isfinite(surface) or (apart <= 0 and not anyhow):
-            return cls(model, point, body, key, boxes=boxes), list(point), ""
-        moved = [*plan, surface]
-        place = cls(model, moved, body, key, boxes=boxes)
+            return cls(model, point, body, key, boxes=boxes)
+        place = cls(model, [*plan, surface], body, key, boxes=boxes)
+        there = ", ".join(f"{x:.9g}" for x in place.point)
         if anyhow:
-            return place, moved, f", on the surface at {'xyz'[len(plan)]} = {surface:.9g} m"
-        if apart > 0.5 * place.element_size:
-            return cls(model, point, body, key, boxes=boxes), list(point), ""
-        there = ", ".join(f"{x:.9g}" for x in moved)
-        return place, moved, f", moved to the surface, ({there}) m, {apart:.4g} m below"
+            place.note = f"on the surface, ({there}) m"
+        elif apart > 0.5 * place.element_size:
+            return cls(model, point, body, key, boxes=boxes)
+        else:
+            place.note = f"moved to the surface, ({there}) m, {apart:.4g} m below"
+        return place
 
     def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return local degrees of freedom and weights on this rank, for a sum of `value` times coefficients.

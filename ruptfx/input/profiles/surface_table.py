@@ -82,6 +82,7 @@ class SurfaceTable(Profile):
                 raise CaseError(
                     f"the table has {name} from {grid[0]:.9g} to {grid[-1]:.9g}{unit}, and the surface has points from "
                     f"{at_most(values.min() + slack)} to {at_least(values.max() - slack)}{unit}; add to the table"
+                    + (", or correct map" if self.map else "")
                 )
             inside.append(np.clip(values, grid[0], grid[-1]))
             cell = np.clip(np.searchsorted(grid, inside[-1], side="right") - 1, 0, len(grid) - 2)

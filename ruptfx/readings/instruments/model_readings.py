@@ -95,10 +95,8 @@ class ModelReadings:
 
     def at_surface(self, point: Sequence[float], body: str | None, key: str, anyhow: bool) -> tuple[SensedPoint, str]:
         """Return a point of the bodies, moved to their upper surface, and a note if it is; see `Inside.at_surface`."""
-        place, moved, note = Inside.at_surface(self.model, point, body, key, self._boxes, anyhow)
-        if note:
-            LOG.info("%s.point = %s is%s", key, list(point), note.removeprefix(","))
-        return SensedPoint(self, place, moved), note
+        place = Inside.at_surface(self.model, point, body, key, self._boxes, anyhow)
+        return SensedPoint(self, place, place.point), place.note
 
     def at_fault(self, name: str, place: float | Sequence[float], key: str, field: str = "position") -> list[Channel]:
         """Return a channel for every field of an interface at a position; collective.

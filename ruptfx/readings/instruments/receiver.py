@@ -52,12 +52,13 @@ class Receiver(AtStations):
     def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
         place, moved = readings.at_surface(self.point, self.body, key, self.on_surface)
         channels = channels_of(readings, place, self.fields)
-        return [replace(channel, long_name=channel.long_name + moved) for channel in channels]
+        text = f", {moved}" if moved else ""
+        return [replace(channel, long_name=channel.long_name + text) for channel in channels]
 
     def places(self, model: Discretisation, key: str) -> list[Inside]:
         from ruptfx.bodies.space.inside import Inside
 
-        return [Inside.at_surface(model, self.point, self.body, key, anyhow=self.on_surface)[0]]
+        return [Inside.at_surface(model, self.point, self.body, key, anyhow=self.on_surface)]
 
 
 def channels_of(readings: ModelReadings, place: SensedPoint, fields: Sequence[Quantity]) -> list[Channel]:

@@ -29,6 +29,7 @@ DRAWN, AROUND = 5.6, 0.9  # inch: width of the maps of a line, height of title a
 LOWEST = 0.95  # inch, height of a map: that of the label of its axis
 SLOW = 3.0  # times the median difference of the rupture times of neighbours
 TICKS = 6  # intervals down dip, at most
+LONG = 3.0  # side of a triangle over the median of the sides at an end, beyond which it is no neighbour
 SHORT = 6.0  # mean distances of points
 
 
@@ -101,7 +102,7 @@ def draw(
     positions = grid(data)
     drawn: QuadMesh | TriMesh
     if positions is None:
-        drawn = ax.tripcolor(Triangulation(strike, dip), values, norm=norm, cmap=colours, shading="gouraud")
+        drawn = ax.tripcolor(triangulated(strike, dip), values, norm=norm, cmap=colours, shading="gouraud")
     else:
         s, d = (each / size for each in positions)
         table = values.reshape(len(s), len(d)).T
@@ -129,6 +130,8 @@ def contours(  # noqa: PLR0913
     jumps = np.zeros(len(values), dtype=bool)
     jumps[triangles.triangles[apart > largest]] = True
     left_out = ~np.isfinite(apart) | jumps[triangles.triangles].any(axis=1)
+    if triangles.mask is not None:
+        left_out |= triangles.mask
     if left_out.all():
         return False
     triangles.set_mask(left_out)
@@ -143,6 +146,25 @@ def contours(  # noqa: PLR0913
         for text in ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6):
             text.set_path_effects([rim])
     return any(np.size(path.vertices) for path in lines.get_paths())
+
+
+def triangulated(x: Array, y: Array) -> Triangulation:
+    """Return the triangles between points, without those that bridge a concave part of the outline.
+
+    These have a side much longer than sides usually are at one of its ends.
+    """
+    triangles = Triangulation(x, y)
+    ends = triangles.edges
+    length = np.hypot(np.diff(triangles.x[ends], axis=1), np.diff(triangles.y[ends], axis=1))[:, 0]
+    at, of = np.concatenate(ends.T), np.concatenate([length, length])
+    order = np.lexsort([of, at])
+    count = np.bincount(at, minlength=len(triangles.x))
+    middle = np.cumsum(count) - count + np.maximum(count - 1, 0) // 2
+    usual = of[order][np.minimum(middle, len(of) - 1)]
+    sides = triangles.triangles[:, [[0, 1], [1, 2], [2, 0]]]
+    longest = np.hypot(*(np.diff(each[sides], axis=2)[..., 0] for each in (triangles.x, triangles.y)))
+    triangles.set_mask((longest > LONG * usual[sides].min(axis=2)).any(axis=1))
+    return triangles
 
 
 def _long_pieces(path: Path, shortest: float) -> Path:
@@ -179,7 +201,7 @@ def _triangles(data: Data, values: Array, size: float = 1.0) -> tuple[Triangulat
     """
     strike, dip, positions = data["position"].values / size, data["dip"].values / size, grid(data)
     if positions is None:
-        return Triangulation(strike, dip), values
+        return triangulated(strike, dip), values
     number = np.arange(len(strike)).reshape(len(positions[0]), len(positions[1]))
     corners = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]).reshape(4, -1)
     middle = len(strike) + np.arange(corners.shape[1])
