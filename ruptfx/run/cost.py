@@ -41,6 +41,7 @@ LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`
 # Bytes per node of a model in its first step, by components of the motion: lower bound of a run. Two components
 # as measured by `ruptfx bench memory` with 8 million nodes, less a tenth.
 PER_NODE = {1: 130.0, 2: 245.0, 3: 245.0}
+INVERSE_MASSES = 3  # of every node: those of the first, the second and all later steps
 # Largest processor time of the start of the program, and of the analysis at its end, over that of a fixed piece of
 # Python; of a plain panel of a figure over that of the start of the figure process (`ruptfx bench command_cost`).
 START, ANALYSIS, PANEL = 40.0, 1.0, 0.085
@@ -233,7 +234,9 @@ def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
     if lattice is None or there is None:
         return
     components, nodes = {"antiplane": 1, "solid": 3}.get(case.plane, 2), lattice.nodes(case.order)
-    least = ranks * LIBRARIES + nodes * PER_NODE[components] * ranks / comm.size
+    shorter = BYTES["double"] - case.real.itemsize
+    per_node = PER_NODE[components] - shorter * (2 * components + INVERSE_MASSES)  # velocity, force and these
+    least = ranks * LIBRARIES + nodes * per_node * ranks / comm.size
     if least > there:
         raise RuptfxError(
             f"mesh: {nodes:.3g} nodes take {least / 1e9:.3g} GB of memory at least, and {there / 1e9:.3g} GB are free "

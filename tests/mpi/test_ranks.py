@@ -23,6 +23,8 @@ from helpers.small_cases import (
     wavy_plates,
 )
 
+from benchmarks import scaling
+
 pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
@@ -297,3 +299,16 @@ def test_a_run_in_process(shared_tmp_path: Path) -> None:
     short = parse_case(impact(6e6, 2.0, changes={"duration": 3e-6}))
     with simulate(short, shared_tmp_path / "run", progress=False) as record:
         assert record.complete and record.summary["ranks"] == COMM.size
+
+
+@pytest.mark.skipif(COMM.size > 3, reason="6 columns of elements")
+def test_bytes_that_ranks_send_in_a_step_are_those_of_the_planes_between_them() -> None:
+    """6 x 6 x 6 elements of order 4, in blocks along x: planes of 25 x 25 nodes, each sent once and back.
+
+    The plane in the middle of the fault has 16 nodes twice, 4 elements below the surface without the rim; those at the
+    ends of the fault have none.
+    """
+    messages, sent = scaling.sent_in_step(Model(scaling.box(1)))
+    planes = {1: 0, 2: 25 * 25 + 16, 3: 2 * 25 * 25}[COMM.size]
+    assert COMM.allreduce(sent) == 2 * planes * 3 * 8
+    assert messages <= 2 * (COMM.size - 1) and (messages > 0) == (COMM.size > 1)

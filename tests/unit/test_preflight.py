@@ -824,18 +824,25 @@ def test_a_mirror_image_radiates_as_a_body() -> None:
     assert times["rigid"] == pytest.approx(2 * times["whole"], rel=1e-9)
 
 
-def test_memory_of_several_ranks_on_one_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two of four ranks are on this machine: twice the libraries, and half of the nodes."""
+@pytest.mark.parametrize("precision, per_node", [("double", 245.0), ("single", 245.0 - 4 * (2 + 2 + 3))])
+def test_memory_of_several_ranks_on_one_machine(
+    precision: str, per_node: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two of four ranks are on this machine: twice the libraries, and half of the nodes.
+
+    In single precision velocity, force and three inverse masses have 4 bytes less.
+    """
     from ruptfx import RuptfxError
     from ruptfx.run import cost
 
     comm = SimpleNamespace(size=4, Split_type=lambda kind: SimpleNamespace(size=2))
-    least = 2 * 160e6 + 2 * 13 * 5 * 245.0 / 2
+    least = 2 * 160e6 + 2 * 13 * 5 * per_node / 2
+    of_order_2 = case({"order": 2, "precision": precision})
     monkeypatch.setattr(cost, "available", lambda: least + 1)
-    cost.need_memory(case({"order": 2}), comm)
+    cost.need_memory(of_order_2, comm)
     monkeypatch.setattr(cost, "available", lambda: least - 1)
     with pytest.raises(RuptfxError):
-        cost.need_memory(case({"order": 2}), comm)
+        cost.need_memory(of_order_2, comm)
 
 
 @pytest.mark.parametrize("dim, components, stresses", [(2, 2, 3), (3, 3, 6)])

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 # Measurements of speed and cost, to be made when nothing else runs: not among all.
 OF_THE_MACHINE = (
-    "speed", "crack_speed", "sliding_cost", "command_cost", "mode_map", "demo_times", "tpv5_time",
+    "speed", "crack_speed", "sliding_cost", "command_cost", "mode_map", "demo_times", "tpv5_time", "scaling",
 )  # fmt: skip
 
 
