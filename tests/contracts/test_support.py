@@ -8,10 +8,12 @@ import tomllib
 from itertools import product
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 from helpers.crack_cases import HERE, faulted
 from helpers.crack_cases import block as torn_block
 from helpers.messages import facts, facts_of
+from helpers.sliding_cases import solids
 from helpers.small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates, required, strike_slip
 from typer.testing import CliRunner
 
@@ -490,3 +492,51 @@ def test_edges_that_are_driven_take_nothing_else_in_that_direction(key: str, add
 ])  # fmt: skip
 def test_edges_with_several_boundaries_that_all_act(entries: list[dict[str, Any]]) -> None:
     Model(parse_case(plates({**SMALL, "order": 2, "faults.main.contact": COMPLIANT, "boundaries": entries})))
+
+
+def solid_blocks(changes: dict[str, Any]) -> dict[str, Any]:
+    """Return two flat solids that slide, pressed by 6 MPa, with a law whose rates implicit steps can take."""
+    plan = {"length": 1e-3, "width": 1e-3, "height": 0.5e-3}
+    upper = {**plan, "element_size": 0.5e-3}
+    lower = {**plan, "left": -0.2e-3, "front": -0.2e-3, "length": 1.4e-3, "width": 1.4e-3, "element_size": 0.35e-3}
+    table = solids({
+        "order": 1, "mesh.upper": upper, "mesh.lower": lower, "faults.main.initial_stress": {"normal": 6e6},
+        "faults.main.friction": AGEING | {"V_initial": 1e-6}, "operator": "ufl_form",
+    })  # fmt: skip
+    return merged({**table, "boundaries": [*table["boundaries"][:3], *(
+        {**PUSH, "component": axis, "velocity": 1e-3 * (axis == "x")} for axis in "xyz"
+    )]}, changes)  # fmt: skip
+
+
+def makes_a_step(given: dict[str, Any]) -> bool:
+    """Return whether a case is accepted; its first step then has finite tractions under pressure."""
+    if not is_accepted(given):
+        return False
+    model = Model(parse_case(given, HERE))
+    motion, state = stages.bind(model), model.initial_state()
+    motion.step(state)
+    fields = state.faults["main"]
+    assert state.time > 0 and np.all(np.isfinite(fields["slip_1"])) and np.all(np.isfinite(fields["slip_2"]))
+    assert fields["normal_stress"].max() > 1e6
+    return True
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stepper", STEPPERS)
+def test_steppers_and_contact_of_the_row_of_sliding_make_steps_of_solids(stepper: str) -> None:
+    """Every cell that says `yes` makes a step with some contact method, and every other one is refused."""
+    works = {method: makes_a_step(solid_blocks({
+        "stepper": STEPS[stepper], "faults.main.contact": {"kind": method, **table(METHODS[method])},
+    })) for method in METHODS}  # fmt: skip
+    assert judged("sliding interfaces", "stepper", stepper) == any(works.values())
+    assert all(judged("sliding interfaces", "contact", method) for method in METHODS if works[method])
+
+
+@pytest.mark.pairs
+@pytest.mark.parametrize("material", MATERIALS)
+def test_materials_of_the_row_of_sliding_make_steps_of_solids(material: str) -> None:
+    given = {"kind": material, **tables(MATERIALS[material], 1, lambda table: None)[0]}
+    given.pop("fringe_constant", None)
+    case = solid_blocks({"faults.main.contact": COMPLIANT, "stepper": STEPS["leapfrog"]})
+    works = judged("sliding interfaces", "material", material) and "solid" in MATERIALS[material].planes()
+    assert makes_a_step({**case, "materials": {"default": given}}) == works

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -22,6 +23,7 @@ from ruptfx.run.model import Model
 Array = np.ndarray
 
 SURFACE, OPPOSITE, ARROWS = "#c8501e", "#3b8ea5", ("#1769aa", "#2e7d32", "#6a1b9a")
+ROUNDING = 1e-10  # gap of surfaces that touch, over the length of the surface
 BASE = 24  # rectangles along both directions of a rigid base
 LETTERS = ("n", "1", "2")  # normal, first and second tangent
 
@@ -130,10 +132,12 @@ def _draw_map(axes: Axes, fault: Fault, facets: Array, other: Array) -> None:
     size, unit = scale(np.ptp(positions(fault, facets).reshape(-1, 2), axis=0), "m")
     triangles = triangulated(face.position / size, face.across / size)
     if isinstance(face, SlidingInterface):
-        values, text, si = np.where(face.covered, face.resting_jump, 0.0), "Initial gap", "m"
+        seen = face.covered & (face.resting_jump > ROUNDING * np.ptp(face.points, axis=0).max())
+        values, text, si = np.where(seen, face.resting_jump, 0.0), "Initial gap", "m"
         triangles.set_mask(triangles.mask | ~face.covered[triangles.triangles].all(axis=1))
     value, value_unit = scale(values, si)
-    drawn = axes.tripcolor(triangles, values / value, cmap=RATE_MAP, shading="gouraud")
+    norm = None if np.any(values) else Normalize(0, 1)
+    drawn = axes.tripcolor(triangles, values / value, norm=norm, cmap=RATE_MAP, shading="gouraud")
     corners = positions(fault, facets) / size
     axes.add_collection(PolyCollection(list(corners), facecolor="none", edgecolor="#888888", linewidth=0.3))
     if len(other):

@@ -377,7 +377,10 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
             f"faults.{name}.sliding: the interface ends at periodic edges, and what slides has two ends; remove this "
             "table or that boundary"
         )
-    geometry = Geometry(plus, minus, bodies.reference_normals.get(name))
+    try:
+        geometry = Geometry(plus, minus, bodies.reference_normals.get(name))
+    except RuptfxError as error:
+        raise RuptfxError(f"faults.{name}: {error}") from None
     spacing = plus.spacing if len(plus.nodes) else 0.0
     gap = geometry.offset[:, 0]
     if len(gap) and gap.min() < -OVERLAP * spacing:

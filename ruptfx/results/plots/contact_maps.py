@@ -10,7 +10,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 
 from ruptfx.results.analysis import slides_far
 from ruptfx.results.analysis.real_contact import Box, contact_area, contact_box, touching
-from ruptfx.results.analysis.surface import grid
+from ruptfx.results.analysis.surface import SurfaceInterpolation, grid
 from ruptfx.results.figure_style import RATE_MAP, Array, edges, scale
 from ruptfx.results.plots import surface_maps as _surface
 from ruptfx.results.plots._record import chosen, has_surface
@@ -111,12 +111,18 @@ def _draw_states(ax: Axes, data: Data, states: Array, lengths: tuple[float, str]
 
 
 def _nearest(data: Data, states: Array) -> tuple[Array, Array, Array]:
-    """Return lines of a raster along strike and down dip [m], and the states of the nearest points on it."""
+    """Return lines of a raster along strike and down dip [m], and the states of the nearest points on it.
+
+    States are NaN outside of the surface.
+    """
     from scipy.spatial import cKDTree  # imported late: ordinary runs do not need it
 
     points = np.stack([data[name].values for name in ("position", "dip")], axis=1)
     s, d = (np.linspace(each.min(), each.max(), RASTER) for each in points.T)
-    return s, d, states[cKDTree(points).query(np.stack(np.meshgrid(s, d), axis=-1))[1]]
+    places = np.stack(np.meshgrid(s, d), axis=-1)
+    outside = np.isnan(SurfaceInterpolation(data, *places.reshape(-1, 2).T)(np.ones(len(points))))
+    nearest = states[cKDTree(points).query(places)[1]]
+    return s, d, np.where(outside.reshape(nearest.shape), np.nan, nearest)
 
 
 def _draw_slip(
