@@ -1,9 +1,9 @@
 """Gaussian prior and posterior of a slip rate along a line and in time, and of unknown clocks, gains and offsets.
 
-The prior covariance is a product of Matern functions of order 5/2 of distance and of time. The eigenvectors of both
-with all but `TAIL` of the variance are the modes Phi of space and Psi of time: V = Phi c Psi' with independent normal
-coefficients c. With B the derivative of the data by the coefficients over the standard deviation of the noise, the
-posterior of data d over their standard deviations is computed in the space of the data, or of the coefficients,
+The prior covariance is a product of Matern functions of order 5/2 or 3/2 of distance and of time. The eigenvectors of
+both with all but `TAIL` of the variance are the modes Phi of space and Psi of time: V = Phi c Psi' with independent
+normal coefficients c. With B the derivative of the data by the coefficients over the standard deviation of the noise,
+the posterior of data d over their standard deviations is computed in the space of the data, or of the coefficients,
 whichever is smaller, by the Cholesky factor L of
 
     B B' + I = L L'    mean = B' (L L')^-1 d    covariance = I - W' W with W = L^-1 B
@@ -46,10 +46,11 @@ class Prior:
 
     @classmethod
     def of_lengths(
-        cls, amplitude: float, length: float, time: float, position: Floats, times: Floats, tail: float = TAIL
-    ) -> Prior:
+        cls, amplitude: float, length: float, time: float, position: Floats, times: Floats, *, tail: float = TAIL,
+        order: str = "5/2",
+    ) -> Prior:  # fmt: skip
         """Return the modes for a standard deviation [m/s] and correlation lengths in space [m] and time [s]."""
-        return cls(amplitude * modes(position, length, tail), modes(times, time, tail))
+        return cls(amplitude * modes(position, length, tail, order), modes(times, time, tail, order))
 
     @property
     def size(self) -> int:
@@ -76,10 +77,15 @@ class Prior:
         return np.sqrt(np.outer((time**2).sum(axis=1), (self.space**2).sum(axis=1)))
 
 
-def modes(points: Floats, length: float, tail: float = TAIL) -> Floats:
-    """Return scaled eigenvectors of the Matern covariance of order 5/2, shape (points, modes), without a tail."""
-    scaled = np.sqrt(5.0) * np.abs(points[:, None] - points) / length
-    values, vectors = np.linalg.eigh((1 + scaled + scaled**2 / 3) * np.exp(-scaled))
+def matern(distance: Floats, length: float, order: str) -> Floats:
+    """Return the Matern correlation of order 5/2 or 3/2 at distances."""
+    scaled = np.sqrt(5.0 if order == "5/2" else 3.0) * np.abs(distance) / length
+    return np.asarray((1 + scaled + (scaled**2 / 3 if order == "5/2" else 0.0)) * np.exp(-scaled))
+
+
+def modes(points: Floats, length: float, tail: float = TAIL, order: str = "5/2") -> Floats:
+    """Return scaled eigenvectors of the Matern covariance of points, shape (points, modes), without a tail."""
+    values, vectors = np.linalg.eigh(matern(points[:, None] - points, length, order))
     values, vectors = values[::-1], vectors[:, ::-1]
     beyond = len(points) - np.cumsum(values)
     count = 1 + int(np.argmax(beyond <= max(tail, 1e-14) * len(points)))
@@ -276,7 +282,7 @@ class Posterior:
 
 
 def likeliest(
-    known: dict[str, float | None], rows: Rows, position: Floats, times: Floats, seed: int = 0
+    known: dict[str, float | None], rows: Rows, position: Floats, times: Floats, seed: int = 0, order: str = "5/2"
 ) -> dict[str, float]:
     """Return amplitude, length and time of the prior; those that are None maximise the likelihood of the data.
 
@@ -292,6 +298,8 @@ def likeliest(
     position, times : ndarray
         Points of the interface [m] and knots [s].
     seed : int
+    order : str
+        Of the covariances.
     """
     from scipy.optimize import minimize, minimize_scalar
 
@@ -306,7 +314,8 @@ def likeliest(
 
     def best(lengths: dict[str, float]) -> tuple[float, float]:
         """Return minus twice the logarithm of the likelihood, and the amplitude."""
-        design = rows.design(Prior.of_lengths(1.0, lengths["length"], lengths["time"], position, times, 1e-3))
+        design = rows.design(Prior.of_lengths(1.0, lengths["length"], lengths["time"], position, times,
+                                              tail=1e-3, order=order))  # fmt: skip
         values, vectors = np.linalg.eigh(design @ design.T)
         values, squares = np.maximum(values, 0.0), (vectors.T @ scaled) ** 2
 

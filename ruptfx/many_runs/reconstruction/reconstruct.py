@@ -77,7 +77,7 @@ class Setting:
 def lengths_of(rows: Rows, twin: Twin, settings: Settings) -> dict[str, float]:
     """Return amplitude, length and time of the prior, on one rank."""
     known = {name: getattr(settings, name) for name in ("amplitude", "length", "time")}
-    likely = likeliest(known, rows, twin.position, twin.knots.times)
+    likely = likeliest(known, rows, twin.position, twin.knots.times, order=settings.order)
     return {name: value if value is not None else parallel.three_digits(likely[name]) for name, value in known.items()}
 
 
@@ -191,7 +191,7 @@ def reconstruct(
     )
     with working("lengths of the prior", show):
         lengths = parallel.on_root(comm, lambda: lengths_of(rows, twin, settings))
-    prior = Prior.of_lengths(**lengths, position=twin.position, times=twin.knots.times)
+    prior = Prior.of_lengths(**lengths, position=twin.position, times=twin.knots.times, order=settings.order)
     with Progress(show) as bar:
         tractions = stored.tractions(still, prior, lengths["amplitude"], bar.update)
     towards = float(np.sign(parallel.total(comm, float(np.sum(twin.fault.shear_traction_0))))) or 1.0
@@ -217,7 +217,7 @@ def reconstruct(
                     "runs": time.perf_counter() - begun},
         "responses_computed": stored.computed, "responses_read": stored.read,
         "time_step": twin.knots.dt, "begin": twin.knots.begin, "interval": twin.knots.interval,
-        "positivity": "samples projected" if settings.positive else "not imposed",
+        "order": settings.order, "positivity": "samples projected" if settings.positive else "not imposed",
     }  # fmt: skip
     unknowns = {
         unknown.key: (float(unknown.sigma or 0.0) * float(value), float(unknown.sigma or 0.0) * float(deviation),

@@ -217,9 +217,9 @@ class Inference(Part):
 class Reconstruction(Part):
     """Prior of the slip rate of an interface in `ruptfx reconstruct`, and its output.
 
-    The slip rate is a Gaussian random field of mean zero with Matern covariances of order 5/2 in space and time.
-    Amplitude, length and time that are not given maximise the likelihood of the data, with a length of at least twice
-    the mean distance of the points that sensors see best.
+    The slip rate is a Gaussian random field of mean zero with Matern covariances in space and time. Amplitude, length
+    and time that are not given maximise the likelihood of the data, with a length of at least twice the mean distance
+    of the points that sensors see best.
     """
 
     amplitude: Speed | None = None
@@ -228,6 +228,9 @@ class Reconstruction(Part):
     """Correlation length of the slip rate along the interface."""
     time: Duration | None = None
     """Correlation time of the slip rate."""
+    order: Literal["5/2", "3/2"] = "5/2"
+    """Order of the Matern covariances: 5/2, or 3/2 for steeper fronts, which takes more modes and gives a fitted
+    friction law with less bias and wider intervals."""
     begin: Time = 0.0
     """Time before which nothing slips."""
     interval: Duration | None = None
