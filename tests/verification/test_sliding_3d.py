@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.sliding_cases import solids
-from helpers.small_cases import advance, march
+from helpers.small_cases import Given, advance, march
 
 pytest.importorskip("dolfinx")
 
@@ -95,10 +95,14 @@ def _moved(motion: np.ndarray, spins: bool = False) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize(
     "along, law, order, update",
-    [("x", "slip weakening", 2, 1e3), ("y", "rate and state", 2, 1e3), ("x", "slip weakening", 1, 0.01)],
-)
+    [
+        ("x", "slip weakening", 2, 1e3), ("y", "rate and state", 2, 1e3), ("x", "slip weakening", 1, 0.01),
+        ("turned", "slip weakening", 1, 0.01),
+    ],
+)  # fmt: skip
 def test_extruded_plane_is_the_plane(along: str, law: str, order: int, update: float) -> None:
-    """Flat bodies of different elements, pressed and dragged along either tangent: plane strain, to 1e-9.
+    """Flat bodies of different elements, pressed and dragged along either tangent: plane strain, to 1e-9; also with the
+    bodies turned about x, so that y is up and z is the direction of extrusion.
 
     Updates see bent surfaces, which solids have bilinear between nodes: as lines for order 1 only.
     """
@@ -121,7 +125,7 @@ def test_extruded_plane_is_the_plane(along: str, law: str, order: int, update: f
     def edges(way: str, up: str, fixed: str) -> list[dict[str, object]]:
         press = {"x": 0.0, "y": 0.0, "z": 0.0, up: -20e6}
         drives = [("lower.bottom", way, 0.0), ("lower.bottom", up, 0.0), ("upper.top", way, 25.0)]
-        sides = {"y": ("front", "back"), "x": ("left", "right")}.get(fixed, ())
+        sides = {"y": ("front", "back"), "z": ("front", "back"), "x": ("left", "right")}.get(fixed, ())
         drives += [(f"{body}.{side}", fixed, 0.0) for body in ("upper", "lower") for side in sides]
         return [
             {"kind": "traction", "edge": "upper.top", "traction": list(press.values())[: 3 if fixed else 2],
@@ -132,7 +136,7 @@ def test_extruded_plane_is_the_plane(along: str, law: str, order: int, update: f
     plane = parse_case(solids({
         **common, "plane": "strain", "mesh.upper": upper, "mesh.lower": lower, "boundaries": edges("x", "y", ""),
     }))  # fmt: skip
-    names = {"x": ("length", "left", "width", "front"), "y": ("width", "front", "length", "left")}[along]
+    names = ("width", "front", "length", "left") if along == "y" else ("length", "left", "width", "front")
 
     def extruded(plate: dict[str, float]) -> dict[str, float]:
         length, left, width, front = names
@@ -140,18 +144,24 @@ def test_extruded_plane_is_the_plane(along: str, law: str, order: int, update: f
         return {**other, length: plate["length"], left: plate.get("left", 0.0)}
 
     solid = parse_case(solids({
-        **common, "mesh.upper": extruded(upper), "mesh.lower": extruded(lower),
-        "boundaries": edges(along, "z", "y" if along == "x" else "x"),
+        **common, "mesh.upper": extruded(upper), "mesh.lower": extruded(lower), "boundaries": edges(
+            "y" if along == "y" else "x", "y" if along == "turned" else "z", {"x": "y", "y": "x", "turned": "z"}[along]
+        ),
     }))  # fmt: skip
+    if along == "turned":
+        raw = solid.mesh.build()
+        raw.points[:] = raw.points @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+        solid = solid.substituted({"mesh": Given(raw)})
     flat, _, expected = march(plane)
     full, _, state = march(solid)
-    face, axis = full.faults[0].interface, "xy".index(along)
+    face, axis = full.faults[0].interface, int(along == "y")
     line = np.searchsorted(flat.faults[0].interface.points[:, 0], face.points[:, axis] - 1e-9)
     fields, exact = state.faults["main"], expected.faults["main"]
-    sign = {"x": "_1", "y": "_2"}[along]
+    slips = face.frame[0, 1:, axis]  # one of the tangents is along the slip
+    number = int(np.argmax(np.abs(slips)))
     for name in ("normal_stress", "slip", "shear_traction", "slip_rate"):
         scale = np.abs(exact[name]).max()
-        value = fields[name if name == "normal_stress" else name + sign]
+        value = fields[name] if name == "normal_stress" else fields[f"{name}_{1 + number}"] * np.sign(slips[number])
         np.testing.assert_allclose(value, exact[name][line], atol=1e-9 * scale)
     assert np.abs(exact["slip"]).max() > 1e-6
     assert (face.geometry.revision > 2) == (update < 1)

@@ -49,17 +49,20 @@ class Follower:
         face, geometry = self.face, self.face.geometry
         self._room -= geometry.slides
         geometry.slides = np.inf
-        if self._made is state and self._room > 0 and geometry.all_covered:
+        is_current = self._made is state and self._room > 0  # no point has slid far enough
+        if is_current and geometry.all_covered:
             return
         followed, slip_then = self._recall(state)
         if not len(face.plus):
+            return
+        dofs = face.dofs
+        moved = not geometry.all_covered and np.abs(state.displacement[dofs] - followed[dofs]).max() > face.near
+        if is_current and not moved:
             return
         slip = face.jump(state.displacement)[:, 1:]
         farthest = float(np.linalg.norm(slip - slip_then, axis=1).max())
         self._room = face.limit - farthest
         slid = farthest > face.limit
-        dofs = face.dofs
-        moved = not geometry.all_covered and np.abs(state.displacement[dofs] - followed[dofs]).max() > face.near
         if slid or moved:
             stored = self._energy_of_springs(state)
             self._remember(state, state.displacement, slip)
