@@ -9,14 +9,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 from helpers.small_cases import COMPLIANT, HOMALITE, branched, march, slip_weakening, strike_slip
 from scipy.spatial import cKDTree
+from typer.testing import CliRunner
 
 pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
 from ruptfx import simulate
+from ruptfx.app.cli import app
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.interfaces.faults.interface import local_frame
@@ -253,6 +256,19 @@ def test_edges_take_the_energy_that_a_rupture_radiates(tmp_path: Path, half: boo
     assert energy["kinetic"] < 1e-4 * energy["damping"] < energy["frictional_dissipation"]
     assert record.summary["radiated_energy"] == pytest.approx(energy["damping"], rel=1e-4)
     assert 1e6 < record.summary["stress_drop"] < 1.81e6  # from 2.8 or 3.61 to at least 1.8 MPa
+
+
+def test_moment_rates_of_a_run_that_is_extended(tmp_path: Path) -> None:
+    """1.05 us with records every 0.3 us, made 2 us long: a row for every step, as those of a run of 2 us."""
+    output = {"figures": False, "interface_interval": 0.3e-6}
+    for name, duration in (("whole", 2e-6), ("longer", 1.05e-6)):
+        case = tmp_path / f"{name}.toml"
+        case.write_text(tomli_w.dumps(strike_slip({"duration": duration, "output": output})))
+        assert CliRunner().invoke(app, ["run", str(case), "--out", str(tmp_path / name), "--quiet"]).exit_code == 0
+    done = CliRunner().invoke(app, ["resume", str(tmp_path / "longer"), "--duration", "2 us", "--quiet"])
+    assert done.exit_code == 0, done.output
+    one, other = ((tmp_path / name / "moment_rate.csv").read_text() for name in ("whole", "longer"))
+    assert one == other and len(one.splitlines()) == 2 + 21  # steps of 0.1 us, and the start
 
 
 def test_nothing_ruptures_at_the_surface_before_the_waves_arrive() -> None:
