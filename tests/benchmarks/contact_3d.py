@@ -298,7 +298,7 @@ def compliance(comm: fem.MPI.Comm) -> Check:
                 motion.step(state)
             forces.append(_force(model, state, comm))
         pairs.append([NUDGE / abs(forces[1][0] - forces[0][0]), NUDGE / abs(forces[2][2] - forces[1][2])])
-    along, normal = np.subtract(*pairs)
+    along, normal = np.subtract(pairs[0], pairs[1])
     theory = (2 - poisson) / (2 * (1 - poisson))
     return Check("sticking ball: tangential over normal compliance", theory, float(along / normal), 0.03, "1",
                  "Mindlin (1949)", relative=True)  # fmt: skip
