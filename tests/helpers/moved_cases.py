@@ -110,7 +110,7 @@ def without_tangents(run: Run) -> Run:
     """Return the numbers of a run with the lengths of tangential vectors for their components along two tangents."""
     result = dict(run)
     for name in run:
-        if name.startswith("interface") and name.endswith("_1") and name[:-1] + "2" in run:
+        if name.startswith(("interface", "forces")) and name.endswith("_1") and name[:-1] + "2" in run:
             first, second = result.pop(name), result.pop(name[:-1] + "2")
             result[name.removesuffix("_1")] = Data(np.hypot(first.values, second.values), first.unit)
     return result

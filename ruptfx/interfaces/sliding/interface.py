@@ -9,8 +9,8 @@ in the displacement,
 with an offset that makes the normal part the gap between the present surfaces, and that keeps the
 tangential part continuous when B and the frames change: sticking points remain stuck, and slip accumulates.
 
-Normals are those of the minus side. The tangents of a point in a solid are the projections of fixed directions, the
-tangents of the mean normal before anything moves: frames follow from the present displacement alone.
+Normals are those of the minus side. The tangents of a point in a solid are fixed directions, the tangents of the mean
+normal before anything moves, rotated with the normal: frames follow from the present displacement alone.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from ruptfx.platform.codegen.native import address
 JUMP = files("ruptfx.interfaces.sliding").joinpath("jump.c")
 TOUCHING = 1e-6  # largest initial opening of touching surfaces over the length of a facet
 STRIDE = 4  # of vectors in space, as in jump.c
+BACKWARDS = 0.1  # one plus the cosine of normals that are nearly opposite to the mean normal
 OVERLAP = 0.01  # largest initial overlap of the surfaces over the distance of nodes
 
 
@@ -135,7 +136,7 @@ class Geometry:
         if self.dim == 3 and self.reference is None:  # of the first pairing, which all ranks with the interface compute
             self.reference = result.weight @ result.normal
             self.reference /= np.linalg.norm(self.reference)
-        self.frame[:] = local_frame(result.normal, self.reference)
+        self.frame[:] = turned_frame(result.normal, self.reference)
         self._acting[:] = self.frame * result.covered[:, None, None]
         self.opposite, self.weight[:], self.covered = result.coupling, result.weight, result.covered
         self.all_covered = bool(self.covered.all())
@@ -195,6 +196,23 @@ class Geometry:
     def _far(self) -> float:
         """Gap assigned to points without a partner [m]."""
         return 10 * self.plus.spacing
+
+
+def turned_frame(normal: Floats, reference: Floats | None) -> Floats:
+    """Return rows normal and tangents of every point, shape (n, dim, dim).
+
+    In space they are the frame of the reference in the smallest rotation that takes it to the normal. Unlike those of
+    projections, slip along them does not depend on which two directions are the tangents of the reference.
+    """
+    if reference is None:
+        return np.asarray(local_frame(normal))
+    start = local_frame(reference[None])[0]
+    cosine = 1 + normal @ reference
+    part = normal @ start[1:].T / np.maximum(cosine, BACKWARDS)[:, None]
+    frame = np.concatenate([normal[:, None], start[1:] - part[..., None] * (normal + reference)[:, None]], axis=1)
+    averted = cosine < BACKWARDS
+    frame[averted] = local_frame(normal[averted], reference)
+    return np.asarray(frame)
 
 
 def _entries(coupling: Coupling) -> tuple[Integers, Floats, Integers]:
