@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -191,7 +192,8 @@ def of_geotiff(path: Path, in_degrees: bool = False) -> SurfaceGrid:
         )
     missing = ~np.isfinite(values)
     if tags[42113]:
-        missing |= values == float(str(tags[42113]).strip("\0 "))
+        with suppress(ValueError):  # no number: no pixel has this value
+            missing |= values == float(str(tags[42113]).strip("\0 "))
     if missing.any():
         raise ValueError(f"{path}: {missing.sum()} pixels have no value; fill them")
     middle = 0.0 if keys.get(1025) == 2 else 0.5  # pixels are points, or areas

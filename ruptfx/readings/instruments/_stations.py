@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import model_validator
 
 from ruptfx.input.map_frame import MapFrame
-from ruptfx.input.number_files import name_and_factor, number, read_table
+from ruptfx.input.number_files import NumberTable, name_and_factor, number, read_table
 from ruptfx.readings.instruments import Instrument
 
 MOST = 10_000  # stations
@@ -47,21 +47,12 @@ def read_stations(path: Path, frame: MapFrame | None, dim: int) -> list[Station]
         A column that is missing, a number that is none, a name that is given twice, or too many stations.
     """
     table = read_table(path, is_named=True)
-    header = table.headers[-1][1] if table.headers else []
-    in_degrees = frame is not None and frame.projection is not None
-    places, factors = dict[str, int](), dict[str, float]()
-    for place, cell in enumerate(header):
-        word = re.split(r"[\s(\[/]", cell.strip().lower(), maxsplit=1)[0]
-        for column, names in COLUMNS.items():
-            if word in names and column not in places:
-                places[column] = place
-                in_metres = column == "z" or (column != "name" and not in_degrees)
-                factors[column] = float((name_and_factor(cell, "m")[1] if in_metres else None) or 1)
+    places, factors = _columns(table, frame is not None and frame.projection is not None)
     axes = "xyz"[:dim]
     if missing := [name for name in ("name", *axes[:-1]) if name not in places]:
         raise ValueError(
             f"{path}: has no column {' or '.join(missing)}; the first line must name them, as name, {', '.join(axes)}; "
-            f"it has: {', '.join(header) or 'none'}"
+            f"it has: {', '.join(table.headers[-1][1] if table.headers else []) or 'none'}"
         )
     if frame is not None and dim == 2:
         raise ValueError(f"{path}: a map has two directions, and the model one; leave out map")
@@ -81,6 +72,29 @@ def read_stations(path: Path, frame: MapFrame | None, dim: int) -> list[Station]
             raise ValueError(f"line {line} of {path}: a second station {name}; rename or leave out one of them")
         stations[name] = Station(name, point, axes[-1] in places)
     return list(stations.values())
+
+
+def _columns(table: NumberTable, in_degrees: bool) -> tuple[dict[str, int], dict[str, float]]:
+    """Return index and factor to m of the columns that the header names.
+
+    Raises
+    ------
+    ValueError
+        An unknown unit, or one of another kind.
+    """
+    line, header = table.headers[-1] if table.headers else (1, [])
+    places, factors = dict[str, int](), dict[str, float]()
+    for place, cell in enumerate(header):
+        word = re.split(r"[\s(\[/]", cell.strip().lower(), maxsplit=1)[0]
+        for column, names in COLUMNS.items():
+            if word in names and column not in places:
+                places[column] = place
+                in_metres = column == "z" or (column != "name" and not in_degrees)
+                try:
+                    factors[column] = float((name_and_factor(cell, "m")[1] if in_metres else None) or 1)
+                except ValueError as error:
+                    raise ValueError(f"line {line} of {table.path}, column {cell.strip()!r}: {error}") from None
+    return places, factors
 
 
 class AtStations(Instrument):
