@@ -61,7 +61,8 @@ with style():
         data = record.interface
         position, end = 1e3 * data.position, 1e6 * data.slip[-1]
         axes[0, 0].plot(position, end, label=name, ls="-" if name == "leapfrog" else "--")
-        axes[0, 1].plot(position, end - 1e6 * records["leapfrog"].interface.slip[-1], label=name)
+        less = end - 1e6 * records["leapfrog"].interface.slip[-1]
+        axes[0, 1].plot(position, less, ls="--" if name in ("rk", "generalized_alpha") else "-")  # on another line
     axes[0, 0].set(xlabel="Position (mm)", ylabel="Slip at the end (µm)")
     axes[0, 1].set(xlabel="Position (mm)", ylabel="Slip less that of leapfrog (µm)")
     axes[0, 0].legend()
