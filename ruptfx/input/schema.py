@@ -799,6 +799,19 @@ NUMBER = r"^\s*[-+.0-9]"
 """How text begins that is a number with a unit."""
 
 
+def or_text(schema: JsonSchemaValue, description: str) -> JsonSchemaValue:
+    """Return the JSON schema of numbers that may be text with a unit, alone or in a list."""
+    text = {"type": "string", "pattern": NUMBER, "description": description}
+    if schema.get("type") == "number":
+        return {"anyOf": [schema, text]}
+    if schema.get("type") == "array":
+        return schema | {"items": {"anyOf": [schema["items"], text]}}
+    for choices in schema.keys() & {"oneOf", "anyOf"}:
+        lists = [or_text(each, description) if each.get("type") == "array" else each for each in schema[choices]]
+        schema = schema | {choices: [*lists, text]}
+    return schema
+
+
 class Unit(str):
     """Unit of a field, as metadata of its type: ``Annotated[float, Unit("m")]``; text like "3 mm" becomes a number."""
 
@@ -808,16 +821,7 @@ class Unit(str):
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        schema = dict(handler(core))
-        text = {"type": "string", "pattern": NUMBER, "description": f"A number and its unit, as '2 {self}'."}
-        if schema.get("type") == "number":
-            return {"anyOf": [schema, text]}
-        if schema.get("type") == "array":
-            return schema | {"items": {"anyOf": [schema["items"], text]}}
-        for choices in ("oneOf", "anyOf"):
-            if choices in schema:
-                schema[choices] = [*schema[choices], text]
-        return schema
+        return or_text(handler(core), f"A number and its unit, as '2 {self}'.")
 
     def read(self, value: object) -> object:
         """Convert text with a unit to a number, alone or in a list; return everything else unchanged.

@@ -8,11 +8,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from ruptfx.input.profiles import varying
 from ruptfx.input.quantities import in_si
-from ruptfx.input.schema import Unit
+from ruptfx.input.schema import Unit, or_text
+
+
+class _OfAnotherKey(BeforeValidator):
+    """Validator of a number whose unit another key names; the part that knows that key reads text with a unit."""
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return or_text(handler(core), "A number and its unit.")
 
 
 def without_unit(quantity: str) -> BeforeValidator:
@@ -29,7 +38,7 @@ def without_unit(quantity: str) -> BeforeValidator:
             )
         return value
 
-    return BeforeValidator(check)
+    return _OfAnotherKey(check)
 
 
 Positive = Annotated[float, Field(gt=0)]

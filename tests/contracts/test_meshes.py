@@ -26,7 +26,7 @@ from ruptfx.bodies.meshes.box_with_fault import BoxWithFault
 from ruptfx.bodies.meshes.gmsh_file import RIDGES, GmshFile
 from ruptfx.bodies.meshes.half_plate import HalfPlate
 from ruptfx.bodies.meshes.two_plates import TwoPlates
-from ruptfx.bodies.space.bodies import distribute, named_facets, tied_facets
+from ruptfx.bodies.space.bodies import distribute, has_parts, named_facets, tied_facets
 from ruptfx.bodies.space.nodes import Nodes
 from ruptfx.case import parse_case
 from ruptfx.input.profiles.gaussian import Gaussian
@@ -213,7 +213,7 @@ def test_parts_of_a_box_are_blocks_with_small_surfaces() -> None:
     between = [sum(len(one & other) for other in facets if other is not one) for one in facets]
     assert max(between) == 4 * 6 * 12
     # 2 columns of 24 for each of 12 parts; blocks need 3 rows at least: 8 of them, so 96 parts at most.
-    assert [parts for parts in (12, 16, 24, 96, 97, 192) if lattice.has_parts(parts)] == [12, 16, 24, 96]
+    assert [parts for parts in (12, 16, 24, 96, 97, 192) if has_parts(lattice, parts)] == [12, 16, 24, 96]
 
 
 @pytest.mark.parametrize("kind", KINDS)

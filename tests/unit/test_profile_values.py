@@ -114,12 +114,17 @@ def test_a_table_must_cover_the_interface_or_say_how_it_goes_on() -> None:
     assert law.at(np.zeros(0)).mu_d.shape == (0,)  # a rank without a point
 
 
+def test_tables_may_have_decimal_commas(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("0;1,5\n1;2\n")
+    law = Coulomb(mu_d={"kind": "table", "file": str(tmp_path / "t.csv")})
+    assert law.at(np.array([0.0, 0.5, 1.0])).mu_d == pytest.approx([1.5, 1.75, 2.0])
+
+
 @pytest.mark.parametrize(
     "text, message",
     [
         ("x,v\n0,1\n1,abc\n", "line 3 of .*t.csv: 'abc' is not a finite number"),
         ("0,1\n\nO.5,1\n1,2\n", "line 3 of .*t.csv: 'O.5' is not a finite number"),
-        ("0;1,5\n1;2\n", "line 1 of .*t.csv: '1,5' is not a finite number"),  # a decimal comma, no third column
         ("0,1\n1,nan\n", "line 2 of .*t.csv: 'nan' is not a finite number"),
         ("0,1\n1\n2,3\n", "line 2 of .*t.csv: two columns are needed"),
         ("0,1\n2,1\n# end\n1,3\n", "line 4 of .*t.csv: 1 after 2; .* must increase"),

@@ -30,7 +30,7 @@ from ruptfx.stepping.implicit.iterated import PER_UNKNOWN
 from ruptfx.stepping.implicit.loaded_bodies import matrix_bytes
 from ruptfx.stepping.implicit.solvers import is_factorised
 from ruptfx.stepping.implicit.strike_series import work_of
-from ruptfx.stepping.implicit.surfaces import count_nodes
+from ruptfx.stepping.implicit.surfaces import count_components
 from ruptfx.stepping.steppers import Motion, leapfrog
 from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamic, SeriesMotion
 from ruptfx.stepping.stopping import StopRules
@@ -99,13 +99,11 @@ def preflight(case: Case) -> Iterator[Row]:
 def _work_rows(model: Model) -> Iterator[Row]:
     """Yield what the matrices of slip and traction will take, before they are computed."""
     if model.section is None:
-        slides = any(fault.slides for fault in model.faults)
         if isinstance(model.case.stepper, QuasiDynamic):
             yield Row("components of jumps", count_jumps(model), "", "each a solution of the bodies", early=True)
             yield Row("memory of their matrices", matrix_bytes(model), "B", "at most, on every rank", early=True)
             yield from _iteration_rows(model, count_jumps(model))
-        elif slides and model.case.stepper.time_schemes == ("implicit",):
-            components = count_nodes(model) * model.components
+        elif model.case.stepper.time_schemes == ("implicit",) and (components := count_components(model)):
             yield Row("components of the surfaces", components, "", "each a solution of the bodies", early=True)
             yield from _iteration_rows(model, components)
         return

@@ -11,7 +11,6 @@ from rich.table import Table
 
 import ruptfx
 from ruptfx import RuptfxError
-from ruptfx.app.bench import IN_A_CHECKOUT, benchmarks
 from ruptfx.app.commands._shared import reported, screen, table_console, writing
 from ruptfx.app.commands.new import SCHEMA_LINE, write_schema
 from ruptfx.app.reference.sources import files_of, rows_of
@@ -34,6 +33,8 @@ def demos(
     Example: ruptfx demos mine --notebooks
     """
     import shutil
+
+    from ruptfx.app.bench import IN_A_CHECKOUT, benchmarks
 
     with reported():
         if os.path.lexists(out):

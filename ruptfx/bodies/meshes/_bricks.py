@@ -59,7 +59,7 @@ class Bricks:
     cell: ClassVar[str] = "hexahedron"
 
     def __post_init__(self) -> None:
-        affordable(self.columns * self._rows[0] * self._rows[1])
+        affordable(self.columns * _rows(self)[0] * _rows(self)[1])
 
     @property
     def bodies(self) -> list[str]:
@@ -87,10 +87,6 @@ class Bricks:
         return len(self.x) - 1
 
     @property
-    def _rows(self) -> tuple[int, int]:
-        return len(self.y) - 1, len(self.z) - 1
-
-    @property
     def _whole(self) -> int:
         """Number of vertices without the copies."""
         return len(self.x) * len(self.y) * len(self.z)
@@ -99,7 +95,7 @@ class Bricks:
     def _cut(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Columns and rows of vertices that have a copy, each as first and last."""
         ranges = []
-        for (first, last), limit in ((self.along, self.columns), (self.down, self._rows[1])):
+        for (first, last), limit in ((self.along, self.columns), (self.down, _rows(self)[1])):
             ranges.append((first + (first > 0), last - (last < limit)))
         return ranges[0], ranges[1]
 
@@ -130,16 +126,9 @@ class Bricks:
         z = self.z[k]
         if self.topography is not None:  # rows follow it less and less, down to the plane bottom
             columns, column = np.unique(i * len(self.y) + j, return_inverse=True)
-            z = z + self.rise(*np.divmod(columns, len(self.y)))[column.ravel()] * (1 - z / self.z[0])
+            z = z + _rise(self, *np.divmod(columns, len(self.y)))[column.ravel()] * (1 - z / self.z[0])
         y = self.y[j] - self.slope * z
         return np.stack([self.x[i], y if self.height is None else y + _shift(self, self.height, i, j, k), z], axis=1)
-
-    def rise(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """Return the height of the surface at columns of vertices [m], which follow a dipping fault up to it."""
-        x, y, height = self.x[i], self.y[j], np.zeros(len(i))
-        for _ in range(FIXED_POINT if self.slope else 1):
-            height = evaluate(self.topography, np.stack([x, y - self.slope * height], axis=1))
-        return height
 
     @property
     def reference_normals(self) -> dict[str, np.ndarray]:
@@ -153,7 +142,7 @@ class Bricks:
 
     def nodes(self, order: int) -> int:
         """Return the number of nodes of elements of an order, without those of the fault's second side."""
-        return int(np.prod([order * count + 1 for count in (self.columns, *self._rows)]))
+        return int(np.prod([order * count + 1 for count in (self.columns, *_rows(self))]))
 
     def ties(self, tied: Mapping[str, tuple[str, str]]) -> dict[str, np.ndarray] | None:
         """Return None if edges are tied: parts do not keep opposite ends together; else an empty dict."""
@@ -164,8 +153,8 @@ class Bricks:
         i, j, k = (part.reshape(facets.shape) for part in self._places(facets.ravel()))
         body = self.body_of_cells(facets)
         on = {
-            "left": i == 0, "right": i == self.columns, "bottom": k == 0, "top": k == self._rows[1],
-            "far": (j == 0) & (not self.half) | (j == self._rows[0]), "plane": j == self.plane,
+            "left": i == 0, "right": i == self.columns, "bottom": k == 0, "top": k == _rows(self)[1],
+            "far": (j == 0) & (not self.half) | (j == _rows(self)[0]), "plane": j == self.plane,
         }  # fmt: skip
         # A facet of the minus side has a copy among its vertices; those of the plus side have none.
         fault = (j == self.plane).all(axis=1)
@@ -180,14 +169,9 @@ class Bricks:
         return values
 
     @property
-    def _most_blocks(self) -> int:
+    def most_blocks(self) -> int:
         """Largest number of blocks along z."""
-        return max(1, self._rows[1] // FEWEST_ROWS)
-
-    def has_parts(self, parts: int) -> bool:
-        """Return whether every part has two columns at least; fewer are not worth it."""
-        blocks = range(1, min(parts, self._most_blocks) + 1)
-        return any(parts % along == 0 and 2 * (parts // along) <= self.columns for along in blocks)
+        return max(1, _rows(self)[1] // FEWEST_ROWS)
 
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
         """Return vertices of the cells of one of several parts in tensor order, shape (cells, 8).
@@ -203,12 +187,12 @@ class Bricks:
         upright : bool
             Blocks always span the full height.
         """
-        across, along = split(parts, self.columns - wrapped, 1 if upright else self._most_blocks, self._rows[1])
+        across, along = split(parts, self.columns - wrapped, 1 if upright else self.most_blocks, _rows(self)[1])
         shift = max(1, self.columns // (2 * across)) if wrapped else 0
         slab = (np.arange(self.columns) + shift) % self.columns * across // self.columns
         columns = np.flatnonzero(slab == part % across)
-        rows = np.flatnonzero(np.arange(self._rows[1]) * along // self._rows[1] == part // across)
-        i, j, k = (each.ravel() for each in np.meshgrid(columns, np.arange(self._rows[0]), rows, indexing="ij"))
+        rows = np.flatnonzero(np.arange(_rows(self)[1]) * along // _rows(self)[1] == part // across)
+        i, j, k = (each.ravel() for each in np.meshgrid(columns, np.arange(_rows(self)[0]), rows, indexing="ij"))
         (a, b), (c, d) = self._cut
         values = np.empty((len(i), 8), dtype=np.int64)
         for corner in range(8):
@@ -242,6 +226,19 @@ class Bricks:
             interfaces={"main": (plus, minus)}, one_sided=self.one_sided,
             reference_normals=self.reference_normals, mirror_planes=self.mirror_planes,
         )  # fmt: skip
+
+
+def _rows(bricks: Bricks) -> tuple[int, int]:
+    """Return numbers of elements along y and z."""
+    return len(bricks.y) - 1, len(bricks.z) - 1
+
+
+def _rise(bricks: Bricks, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """Return the height of the surface at columns of vertices [m], which follow a dipping fault up to it."""
+    x, y, height = bricks.x[i], bricks.y[j], np.zeros(len(i))
+    for _ in range(FIXED_POINT if bricks.slope else 1):
+        height = evaluate(bricks.topography, np.stack([x, y - bricks.slope * height], axis=1))
+    return height
 
 
 def _shift(bricks: Bricks, height: object, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> np.ndarray:

@@ -43,6 +43,7 @@ class Lattice:
     mirror_planes: ClassVar[dict[str, str]] = {}
     chamfer: float = 0.0
     cell: ClassVar[str] = "quadrilateral"
+    most_blocks: ClassVar[int] = 1  # along y where a rank has two columns only; more are not worth it
 
     def __post_init__(self) -> None:
         affordable(self.columns * sum(self.rows))
@@ -152,10 +153,6 @@ class Lattice:
         height = self.rows[body] + 1
         corner = (self._first_vertex[body] + columns[:, None] * height + rows).ravel()
         return np.stack([corner, corner + height, corner + 1, corner + height + 1], axis=1)
-
-    def has_parts(self, parts: int) -> bool:
-        """Return whether every part has two columns at least; fewer are not worth it."""
-        return 2 * parts <= self.columns
 
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
         """Return vertices of the cells of one of several parts, shape (cells, 4).

@@ -141,12 +141,18 @@ def distribute(
     """
     lattice = source.lattice()
     ordinary = not sliding and not neighbours
-    if lattice is not None and ordinary and lattice.has_parts(comm.size):
+    if lattice is not None and ordinary and has_parts(lattice, comm.size):
         shifts = lattice.ties(tied or {})
         if shifts is not None:
             ties = [Tie(key, *edges, shifts[key]) for key, edges in (tied or {}).items()]
             return _from_parts(comm, lattice, ties)
     return _from_root(comm, source, tied or {}, sliding, neighbours)
+
+
+def has_parts(lattice: AnyLattice, parts: int) -> bool:
+    """Return whether every part has two columns at least; fewer are not worth it."""
+    blocks = range(1, min(parts, lattice.most_blocks) + 1)
+    return any(parts % along == 0 and 2 * (parts // along) <= lattice.columns for along in blocks)
 
 
 def _from_parts(comm: fem.MPI.Comm, lattice: AnyLattice, ties: list[Tie]) -> Bodies:

@@ -122,11 +122,11 @@ def _speed(sheet: Sheet, ax: Axes, record: Files, data: Data, x_size: float) -> 
 
 
 def _is_scattered(arrival: Array) -> bool:
-    """Return whether less than half of the points that slide are in groups of `CONNECTED` neighbours that do."""
+    """Return whether points slide in several places, less than half of them in groups of `CONNECTED` neighbours."""
     slides = np.isfinite(arrival)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], slides, [False]])))
     lengths = ends[1::2] - ends[::2]
-    return bool(slides.any() and lengths[lengths >= CONNECTED].sum() < 0.5 * slides.sum())
+    return len(lengths) > 1 and bool(lengths[lengths >= CONNECTED].sum() < 0.5 * slides.sum())
 
 
 def spread(heights: Array, room: float) -> Array:

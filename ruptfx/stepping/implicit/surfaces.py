@@ -38,6 +38,11 @@ def count_nodes(model: System) -> int:
     return int(parallel.total(model.comm, len(_owned_nodes(model))))
 
 
+def count_components(model: System) -> int:
+    """Return how many components of surfaces with meshes of their own steps solve the bodies for; collective."""
+    return count_nodes(model) * model.components if any(fault.slides for fault in model.faults) else 0
+
+
 def _owned_nodes(model: System) -> np.ndarray:
     """Return the local nodes of interfaces that this rank owns."""
     nodes = np.unique(np.concatenate([fault.interface.nodes for fault in model.faults]))
