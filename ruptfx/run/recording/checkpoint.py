@@ -331,7 +331,7 @@ def _verified(path: Path, case: Case) -> Table:
     if manifest["case_hash"] not in (case.hash, case.hash_without_files):
         raise CheckpointError(
             f"{path}: belongs to case {manifest['case_hash']}, this is case {case.hash}; "
-            "resume with the case.toml of the run directory"
+            "resume with the case.toml of the run directory, and with the revision of ruptfx that began it"
         )
     for name, checksum in manifest["files"].items():
         file = path / name
