@@ -127,7 +127,7 @@ def around_a_surface(stepper: str) -> dict[str, Any]:
     terms = [
         3.4e6, {"kind": "rectangle", "inside": 1e5, "outside": 0.0, "strike": [-1e-3, 2e-3], "dip": [0.0, 2e-3]},
         {"kind": "ellipse", "inside": 6e4, "outside": 2e4, "strike": [-1e-3, 2e-3], "dip": [1e-3, 4e-3]},
-        {"kind": "surface_table", "strike": [-2e-3, 0.0, 2e-3], "dip": [0.0, 4e-3],
+        {"kind": "surface_table", "strike": [-3e-3, 0.5e-3, 3e-3], "dip": [0.0, 4e-3],
          "values": [[0.0, 2e4, 1e4], [2e4, 0.0, 4e4]]},
     ]  # fmt: skip
     table = {"kind": "table", "positions": [0.0, 1e-3, 3e-3], "values": [5.8e6, 6e6, 6.2e6], "extend": True}
