@@ -126,7 +126,7 @@ class Bricks:
         z = self.z[k]
         if self.topography is not None:  # rows follow it less and less, down to the plane bottom
             columns, column = np.unique(i * len(self.y) + j, return_inverse=True)
-            z = z + _rise(self, *np.divmod(columns, len(self.y)))[column.ravel()] * (1 - z / self.z[0])
+            z = z + rise(self, *np.divmod(columns, len(self.y)))[column.ravel()] * (1 - z / self.z[0])
         y = self.y[j] - self.slope * z
         return np.stack([self.x[i], y if self.height is None else y + _shift(self, self.height, i, j, k), z], axis=1)
 
@@ -233,7 +233,7 @@ def _rows(bricks: Bricks) -> tuple[int, int]:
     return len(bricks.y) - 1, len(bricks.z) - 1
 
 
-def _rise(bricks: Bricks, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+def rise(bricks: Bricks, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Return the height of the surface at columns of vertices [m], which follow a dipping fault up to it."""
     x, y, height = bricks.x[i], bricks.y[j], np.zeros(len(i))
     for _ in range(FIXED_POINT if bricks.slope else 1):

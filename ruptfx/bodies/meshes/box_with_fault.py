@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ruptfx.bodies.meshes import MeshSource
-from ruptfx.bodies.meshes._bricks import Bricks
+from ruptfx.bodies.meshes._bricks import Bricks, rise
 from ruptfx.bodies.meshes._lattice import even, graded
 from ruptfx.bodies.meshes.rough_plates import in_plan
 from ruptfx.input.profiles import evaluate
@@ -161,7 +161,7 @@ class BoxWithFault(MeshSource):
         """
         i, j = np.indices((len(bricks.x), len(bricks.y)))
         try:
-            height = bricks.rise(i.ravel(), j.ravel()).reshape(i.shape)
+            height = rise(bricks, i.ravel(), j.ravel()).reshape(i.shape)
         except CaseError as error:
             raise CaseError(f"mesh.topography: {error}") from None
         depth, largest = float(-bricks.z[0]), float(np.abs(height).max())
