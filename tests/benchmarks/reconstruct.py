@@ -155,10 +155,10 @@ def rupture(fine: Bodies, coarse: Bodies) -> dict[str, Floats | float]:
     clean = readings - np.concatenate([sample.values for sample in coarse.still.samples])
     sigma, random = NOISE * float(np.abs(clean).max()), np.random.default_rng(5)
     rows = replace(coarse.rows, values=clean + sigma * random.normal(size=len(clean)), sigma=np.full(len(clean), sigma))
+    scales = likeliest({"amplitude": None, "length": None, "time": None}, rows, coarse.position, coarse.times)
     prior = Prior.of_lengths(
-        **likeliest({"amplitude": None, "length": None, "time": None}, rows, coarse.position, coarse.times),
-        position=coarse.position, times=coarse.times,
-    )  # fmt: skip
+        scales["amplitude"], scales["length"], scales["time"], position=coarse.position, times=coarse.times
+    )
     posterior = Posterior(prior, rows)
     deviation = posterior.deviation()
     known = 1 - np.mean(deviation**2, axis=0) / np.mean(prior.deviation() ** 2, axis=0) > 0.5

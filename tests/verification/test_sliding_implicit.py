@@ -615,8 +615,6 @@ def test_goes_on_with_the_same_bits(case_file: Path, alone: Path) -> None:
          r"faults.main.sliding: implicit steps need .* one of 'isotropic_elastic' has another; use 'isotropic"),
         ({"MAX_UNKNOWNS": 100}, {},
          r"faults.main.sliding: the surfaces have \d+ degrees of freedom, implicit steps take 100 .*; use larger elem"),
-        ({"is_factorised": lambda model: False}, {},
-         r"faults.main.sliding: implicit steps factorise the bodies, and \d+ degrees of freedom are too many"),
     ],
 )  # fmt: skip
 def test_cases_that_cannot_slide_in_implicit_steps(
