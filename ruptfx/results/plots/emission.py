@@ -143,8 +143,7 @@ def _map(sheet: Sheet, ax: Axes, record: Files, emission: Emission) -> None:
                    edgecolors=COLOURS[name], linewidths=0.6, label=f"{name} ({of_mode.sum()})")  # fmt: skip
     ax.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     if len(M):
-        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.04), ncols=3, fontsize=6, handletextpad=0.0,
-                  columnspacing=0.5, borderpad=0.0)  # fmt: skip
+        ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=6, handletextpad=0.2, borderaxespad=0.0)
 
 
 def _rose(ax: Axes, emission: Emission) -> None:
