@@ -846,7 +846,7 @@ MESHES: dict[str, Meshed] = {
         lambda m: [({}, {"mesh.interfaces.main.normal": [number(m), number(m, 2)]})]),
     "elements of third order": Meshed(
         f"{PLATES}\nMesh.ElementOrder = 3; Recombine Surface{{1, 2}};", {},
-        r"\((Mesh\.ElementOrder = 1)\), or quadrilaterals of nine nodes \((Mesh\.SecondOrderIncomplete = 0)\)",
+        r"\((Mesh\.ElementOrder = 1)\), or with all nodes of those \((Mesh\.SecondOrderIncomplete = 0)\)",
         lambda m: [({"Mesh.ElementOrder = 3": way}, {}) for way in (m[1], f"Mesh.ElementOrder = 2; {m[2]}")]),
     "two kinds of cells": Meshed(
         f"{PLATES}\nRecombine Surface{{1}};", {}, "mesh it with one",
