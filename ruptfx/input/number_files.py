@@ -212,7 +212,7 @@ def _with_clocks(table: NumberTable) -> NumberTable:
             try:
                 days = days if year is None else date(int(year), int(month), int(day)).toordinal()
             except ValueError:
-                raise ValueError(f"line {line} of {table.path}: {match[0]!r} is no date; write year-month-day") from None
+                raise ValueError(f"line {line} of {table.path}: {match[0]!r} is no date; give another one") from None
             of_day = 3600 * int(hour) + 60 * int(minute) + Decimal((second or "0").replace(",", "."))
             if year is None and times and 86400 * days + of_day < times[-1] - 43200:
                 days += 1
