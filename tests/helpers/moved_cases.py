@@ -14,7 +14,7 @@ from ruptfx.results.summary_fields import UNITS_OF_FRACTURE
 
 Table = dict[str, Any]
 PLUGIN = str(Path(__file__).parent / "moved_mesh.py")
-ALONG = ("slip", "slip_rate", "shear_traction", "displacement_jump", "cohesive_slip")
+ALONG = ("slip", "slip_rate", "shear_traction", "displacement_jump", "cohesive_slip", "added_shear")
 """Numbers along the tangent of an interface, which a reflection turns round."""
 VECTORS = ("displacement", "velocity", "points", "normal")
 WITHOUT_AXES = ("position", "paired_position", "dip", "c_s_dip", "shear_modulus_11", "shear_modulus_22",

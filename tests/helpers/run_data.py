@@ -40,7 +40,8 @@ def read(run: Path, plane: str) -> Run:
         with h5py.File(path) as file:
             file.visititems(lambda name, item, path=path: data.update(_dataset(path.name, name, item)))
     for path in sorted(run.glob("*.csv")):
-        data |= _columns(path, extensive_unit("J", plane), extensive_unit("N", plane))
+        default = "N m/s" if path.name == "moment_rate.csv" else extensive_unit("J", plane)
+        data |= _columns(path, default, extensive_unit("N", plane))
     return data | dict(_scalars(json.loads((run / "summary.json").read_text()), "summary.json:"))
 
 

@@ -149,8 +149,9 @@ def test_extruded_plane_is_the_plane(along: str, law: str, order: int, update: f
         ),
     }))  # fmt: skip
     if along == "turned":
-        raw = solid.mesh.build()
-        raw.points[:] = raw.points @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+        raw, turn = solid.mesh.build(), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+        raw.points[:] = raw.points @ turn
+        raw.reference_normals = {name: normal @ turn for name, normal in raw.reference_normals.items()}
         solid = solid.substituted({"mesh": Given(raw)})
     flat, _, expected = march(plane)
     full, _, state = march(solid)
