@@ -39,7 +39,7 @@ class MomentRecords(Records):
         super().__init__(model, mechanisms)
         faults = [fault for each in mechanisms for fault in each.faults]
         self._faults = [fault for fault in faults if fault.interface.across is not None and not fault.slides]
-        self._weights: list[np.ndarray] = []  # area times modulus, shape (n, tangents, tangents) [N]
+        self._weights: list[np.ndarray] = []  # area times modulus, shape (tangents, tangents, n) [N]
         self._waiting: Rows = []  # time and moment rates of the points of this rank
         self._count = self._kept = 0  # rows in the file, and those of them that a checkpoint has
         self._time = -1.0  # of the last row [s]
@@ -55,7 +55,8 @@ class MomentRecords(Records):
     def gather(self) -> None:
         for fault in self._faults:
             face = fault.interface
-            self._weights.append((face.owned * face.area)[:, None, None] * sides_of(self.model, face).modulus)
+            modulus = np.moveaxis(sides_of(self.model, face).modulus, 0, -1)
+            self._weights.append(np.ascontiguousarray(face.owned * face.area * modulus))
 
     def open(self, opening: Opening) -> None:
         self._path = opening.out / NAME
@@ -71,10 +72,11 @@ class MomentRecords(Records):
         """Return the moment rate of every surface, points of this rank [N m/s]."""
         rates = []
         for fault, weight in zip(self._faults, self._weights, strict=True):
-            rate = fault.components(state.faults[fault.name], "slip_rate")
-            traction = np.einsum("nij,ni,nj->n", weight, rate, rate)
-            speed = np.linalg.norm(rate, axis=1)
-            rates.append(float(np.sum(traction / np.where(speed > 0, speed, 1.0))))
+            rate = np.ascontiguousarray(fault.components(state.faults[fault.name], "slip_rate").T)
+            # In every step of a surface: products of whole rows take a third of the time of one with three indices.
+            product = sum(weight[i, j] * rate[i] * rate[j] for i, j in np.ndindex(weight.shape[:2]))
+            speed = np.sqrt(sum(each * each for each in rate))
+            rates.append(float(np.sum(product / np.where(speed > 0, speed, 1.0))))
         return rates
 
     def _sum(self) -> None:
