@@ -163,12 +163,22 @@ def renumbered(space: dolfinx.fem.FunctionSpace, number: np.ndarray) -> dolfinx.
     numbers = dolfinx.la.vector(old, 1, dtype=np.int64)
     numbers.array[:] = number + old.local_range[0]
     numbers.scatter_forward()  # ghosts: the new numbers of their owners
-    index_map = dolfinx.common.IndexMap(mesh.comm, old.size_local, numbers.array[old.size_local :], old.owners, 1201)
+    cpp_space: Any = dolfinx.cpp.fem.FunctionSpace_float64
+    # Without a tag and with a shape in 0.9.
+    tag = (1201,) if "tag" in str(dolfinx.common.IndexMap.__init__.__doc__) else ()
+    shape = (list(cast("Any", space).value_shape),) if "value_shape" in str(cpp_space.__init__.__doc__) else ()
+    ghosts = numbers.array[old.size_local :]
+    index_map = dolfinx.common.IndexMap(mesh.comm, old.size_local, ghosts, old.owners, *tag)
     cells = dolfinx.graph.adjacencylist(np.ascontiguousarray(number[space.dofmap.list], dtype=np.int32))
-    block = space.dofmap.index_map_bs
-    dofmap = dolfinx.cpp.fem.DofMap(space.dofmap.dof_layout, index_map, block, cells._cpp_object, space.dofmap.bs)
-    made = dolfinx.cpp.fem.FunctionSpace_float64(mesh._cpp_object, space.element._cpp_object, dofmap)
+    layout, block = space.dofmap.dof_layout, space.dofmap.index_map_bs
+    dofmap = dolfinx.cpp.fem.DofMap(layout, index_map, block, _of_cpp(cells), space.dofmap.bs)
+    made = cpp_space(_of_cpp(mesh), _of_cpp(space.element), dofmap, *shape)
     return dolfinx.fem.FunctionSpace(mesh, cast("Any", space).ufl_element(), made)
+
+
+def _of_cpp(wrapped: Any) -> Any:
+    """Return the object of C++ behind one of Python, which is itself that in some versions."""
+    return getattr(wrapped, "_cpp_object", wrapped)
 
 
 def broken_lagrange(mesh: dolfinx.mesh.Mesh, components: int) -> dolfinx.fem.FunctionSpace:
