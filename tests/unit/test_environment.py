@@ -31,6 +31,7 @@ def test_version_is_written_the_same_everywhere():
     assert [when for _, when in released] == sorted((when for _, when in released), reverse=True)
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_a_release_needs_a_clean_checkout(tmp_path):
     """Uncommitted files, and a version that the list of changes does not name, are refused before anything is built."""
     (tmp_path / ".ci").mkdir()
