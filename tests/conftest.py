@@ -106,7 +106,8 @@ ALLOWED_SKIPS = (
     "set SEM2DPACK_EXAMPLES to the folder EXAMPLES",
     # of the machine
     "names of x86-64 processors", "a processor without AVX2",
-    "no chromium or google-chrome is installed", "no Fortran compiler", "git is not installed", "only root can give files away",
+    "no chromium or google-chrome is installed", "no Fortran compiler", "only root can give files away",
+    "git is not installed",
     "the set-up finds the system's DOLFINx", "this Python cannot make environments", "the set-up wants a newer Python",
     "vectors of exp and pow come with GCC and glibc on x86-64 with AVX2", "a processor without AVX2",
     "names of x86-64 processors",
