@@ -290,7 +290,7 @@ PIECES = [
 ]  # fmt: skip
 TABLES = [
     "time (us), velocity (m/s)\n1,2\n3,4\n",
-    "time (s);x (m);y (m);energy (J)\n1;2;3;4\n",
+    "time (s);x (m);y (m);energy (J)\n" + "".join(f"{i};2;3;4\n" for i in range(20)),
     "0 1\n" * 8,
     "1\n-1\n" * 5,
     "strike (m),dip (m),v (Pa)\n0,0,1\n1,0,2\n0,1,3\n1,1,4\n",
