@@ -10,6 +10,10 @@ from pydantic import Field, model_validator
 
 from ruptfx.input.schema import CaseError, Part, Unit
 
+EAST = ("x", "easting", "lon", "longitude")
+NORTH = ("y", "northing", "lat", "latitude")
+"""Names of the coordinates in files, in lower case."""
+
 
 class MapFrame(Part):
     """Place of the model on a map: its origin, the direction of its x axis, and the projection of the map.

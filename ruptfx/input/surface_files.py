@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationInfo
 
+from ruptfx.input.map_frame import EAST, NORTH
 from ruptfx.input.netcdf_units import read_grid
 from ruptfx.input.number_files import read_table
 from ruptfx.platform.files import require_file
@@ -18,8 +19,7 @@ from ruptfx.platform.files import require_file
 MOST_BYTES = 200_000_000  # of a height map
 MOST_VALUES = 1_000_000  # the resolved case contains them
 GEOTIFF = (".tif", ".tiff")
-STRIKE = ("strike", "x", "easting", "lon", "longitude")
-DIP = ("dip", "y", "northing", "lat", "latitude")
+STRIKE, DIP = ("strike", *EAST), ("dip", *NORTH)
 NETCDF = (".nc", ".nc4", ".h5", ".cdf", ".netcdf")
 
 

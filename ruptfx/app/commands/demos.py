@@ -34,8 +34,6 @@ def demos(
     """
     import shutil
 
-    from ruptfx.app.bench import IN_A_CHECKOUT, benchmarks
-
     with reported():
         if os.path.lexists(out):
             raise RuptfxError(f"{out}: exists already; give another directory: ruptfx demos DIRECTORY")
@@ -56,11 +54,14 @@ def demos(
             for script in sorted(files.place.glob("*.py")) if notebooks else []:
                 write_notebook(script)
         if source:
+            from ruptfx.app.bench import IN_A_CHECKOUT, benchmarks
+
             table = Table("figure or formula", "command", box=None, pad_edge=False)
-            for row in rows_of(source):
+            rows = rows_of(source)
+            for row in rows:
                 table.add_row(row.what, row.command.replace("demos/", f"{out}/") or "-")
             table_console().print(table)
-            names = {row.command.split()[2] for row in rows_of(source) if row.command.startswith("ruptfx bench ")}
+            names = {row.command.split()[2] for row in rows if row.command.startswith("ruptfx bench ")}
             if elsewhere := ", ".join(sorted(names - benchmarks().keys())):
                 screen.print(f"bench {elsewhere}: in a checkout of ruptfx: --from {IN_A_CHECKOUT}", soft_wrap=True)
             return

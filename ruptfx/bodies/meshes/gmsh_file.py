@@ -18,20 +18,8 @@ from ruptfx.input.schema import NAME, CasePath, Name, OwnJsonSchema, Part, Unit
 from ruptfx.input.units import Positive
 
 OBLIQUE = 0.1  # least cosine of the angle between the normal of a facet and the one in the case
-RIDGES = [
-    (0, 1),
-    (0, 2),
-    (0, 4),
-    (1, 3),
-    (1, 5),
-    (2, 3),
-    (2, 6),
-    (3, 7),
-    (4, 5),
-    (4, 6),
-    (5, 7),
-    (6, 7),
-]  # of hexahedra
+# Edges of hexahedra.
+RIDGES = [(0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7), (6, 7)]
 FLAT = 1e-6  # of the extent: largest range of the third coordinate of a plane mesh
 
 OneOrMore = Annotated[

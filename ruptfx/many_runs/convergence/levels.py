@@ -110,8 +110,9 @@ def converge(
     rows = list(_rows(families))
     run = out / "points" / point.hash / "run"
     attach(run, rows)
-    files = _write(out, rows, spacings, bool(options.get("overwrite")))
-    return Convergence(rows, run, spacings, notes, files, unresolved(rows))
+    warning = unresolved(rows)
+    files = _write(out, rows, spacings, warning, bool(options.get("overwrite")))
+    return Convergence(rows, run, spacings, notes, files, warning)
 
 
 def _label(factor: float, family: str) -> str:
@@ -207,14 +208,16 @@ def attach(run: Path, rows: Iterable[Row]) -> None:
     replace_summary(run, {**summary, "error_bars": bars})
 
 
-def _write(out: Path, rows: list[Row], spacings: Mapping[str, list[float]], overwrite: bool) -> list[Path]:
+def _write(
+    out: Path, rows: list[Row], spacings: Mapping[str, list[float]], warning: str, overwrite: bool
+) -> list[Path]:
     from ruptfx.many_runs.convergence import figure
 
     with Outputs(out, overwrite=overwrite) as files:
         numbers = [{**asdict(row), "outside": row.outside} for row in rows]
         write_json(
             files.claim(PRODUCTS[0]),
-            {"spacings": dict(spacings), "warning": unresolved(rows), "numbers": [_finite(each) for each in numbers]},
+            {"spacings": dict(spacings), "warning": warning, "numbers": [_finite(each) for each in numbers]},
         )
         with files.claim(PRODUCTS[1]).open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)

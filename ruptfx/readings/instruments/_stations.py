@@ -10,15 +10,14 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import model_validator
 
-from ruptfx.input.map_frame import MapFrame
+from ruptfx.input.map_frame import EAST, NORTH, MapFrame
 from ruptfx.input.number_files import NumberTable, name_and_factor, number, read_table
 from ruptfx.readings.instruments import Instrument
 
 MOST = 10_000  # stations
 COLUMNS = {
     "name": ("name", "station", "code", "id"),
-    "x": ("x", "easting", "lon", "longitude"), "y": ("y", "northing", "lat", "latitude"),
-    "z": ("z", "elevation", "height"),
+    "x": EAST, "y": NORTH, "z": ("z", "elevation", "height"),
 }  # fmt: skip
 """Names of the columns, in lower case and without unit."""
 

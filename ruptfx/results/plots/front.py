@@ -24,7 +24,7 @@ from ruptfx.results.record import Data, Files
 
 PANELS = ("rupture_time", "rupture_speed")
 SLOW = 0.02  # of the slowest wave speed: slower fronts are drawn without wave speeds
-CONNECTED = 5  # neighbouring points that slide: the shortest part of a front
+CONNECTED = 5  # sliding points in a row, at least, of a front
 ROOM = 0.07  # height of a label over that of a panel
 
 

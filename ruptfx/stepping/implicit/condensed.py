@@ -36,7 +36,7 @@ from ruptfx.platform import parallel
 from ruptfx.stepping.implicit.compliance import Compliance, Influence, Jumps, norm
 from ruptfx.stepping.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
 from ruptfx.stepping.implicit.step import MAX_OUTER, Step
-from ruptfx.stepping.implicit.surfaces import PairedCompliance, Surfaces, SurfaceStiffness, count_nodes
+from ruptfx.stepping.implicit.surfaces import PairedCompliance, Surfaces, SurfaceStiffness, count_components
 from ruptfx.stepping.implicit.tangent import Tangent
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def require_fit(model: System) -> None:
     name = next((fault.name for fault in model.faults if fault.slides), None)
     if name is None:
         return
-    unknowns = count_nodes(model) * model.components
+    unknowns = count_components(model)
     label, instead = f"faults.{name}.sliding", "or use the stepper 'leapfrog'"
     if not is_linear(model.bulk):
         kinds = ", ".join(sorted({f"'{material.kind()}'" for material in model.materials}))

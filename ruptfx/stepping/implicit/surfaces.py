@@ -33,14 +33,11 @@ if TYPE_CHECKING:
     from ruptfx.stepping.implicit.tangent import Tangent
 
 
-def count_nodes(model: System) -> int:
-    """Return the number of nodes of all interfaces; collective."""
-    return int(parallel.total(model.comm, len(_owned_nodes(model))))
-
-
 def count_components(model: System) -> int:
     """Return how many components of surfaces with meshes of their own steps solve the bodies for; collective."""
-    return count_nodes(model) * model.components if any(fault.slides for fault in model.faults) else 0
+    if not any(fault.slides for fault in model.faults):
+        return 0
+    return int(parallel.total(model.comm, len(_owned_nodes(model)))) * model.components
 
 
 def _owned_nodes(model: System) -> np.ndarray:
