@@ -13,7 +13,6 @@
 # %%
 import csv
 import os
-import sys
 import time
 from pathlib import Path
 
@@ -22,7 +21,7 @@ import tomli_w
 from scipy.optimize import nnls
 
 from ruptfx import RuptfxError
-from ruptfx.app.script import begin
+from ruptfx.app.script import begin, read_number, read_words
 from ruptfx.case import Case
 from ruptfx.many_runs.adjoint.gradients import Objective
 from ruptfx.many_runs.study import read_study
@@ -30,22 +29,28 @@ from ruptfx.platform import fem
 from ruptfx.readings.misfits import Unknown
 
 HERE = Path(__file__).parent
-OUT = Path("studies/four_modes_descent" + "".join(f"_{each}" for each in sys.argv[3:]))
 SETS, APART = 5, 0.1
 NEAR, RADIUS = 5, 0.02  # gradients near by, and their distance in parts of the ranges
 LEAST = 10.0  # nodes in a zone; with 5 zones at III become narrower than in the start
 LENGTHS = (0.08, 0.04, 0.02, 0.01, 0.005, 0.0025)  # of steps that are tried
-MINUTES = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
 MODES = {"I": "crack", "II": "pulse", "III": "train", "IV": "pulses_into_crack"}
-WANTED = sys.argv[3:] or list(MODES)
-begin(OUT)
-if len(sys.argv) < 2 or not Path(sys.argv[1]).is_file():
-    raise RuptfxError("the first argument is the file with the scores of the search, scores.csv")
+words = read_words()
+SCORES = Path(words[0] if words else "scores.csv")
+if not SCORES.is_file():
+    raise RuptfxError(f"{SCORES}: is no file; the first argument is the file with the scores of the search")
+MINUTES = read_number(words[1], "most minutes", "min") if len(words) > 1 else 60.0
+WANTED = words[2:] or list(MODES)
+if unknown := set(WANTED) - set(MODES):
+    raise RuptfxError(f"{', '.join(sorted(unknown))}: no such loading; there are {', '.join(MODES)}")
+OUT = Path("studies/four_modes_descent" + "".join(f"_{each}" for each in words[2:]))
+begin(OUT, words=words)
 study = read_study(HERE / "four_modes_two.toml")
 base = study.base()
 axes = [axis for axis in study.sampled if ".friction." in axis.keys[0]]
-with Path(sys.argv[1]).open(encoding="utf-8") as file:
+with SCORES.open(encoding="utf-8") as file:
     rows = list(csv.DictReader(file))
+if missing := {"score", *(axis.column for axis in study.sampled)} - set(rows[0] if rows else ()):
+    raise RuptfxError(f"{SCORES}: has no column {', '.join(sorted(missing))}; give scores of the study four_modes_two")
 
 # %% [markdown]
 # The best sets that differ by at least a tenth of the ranges (root mean square).

@@ -5,26 +5,26 @@
 # dimensions (`demos/impact_3d.toml`). Plane stress is the limit of waves that are long compared with the thickness; the
 # tip of a rupture makes waves of all lengths.
 #
-# Run with `python demos/impact_3d.py`: two minutes of one core. Another element size is the first argument, in m: with
-# 2e-3, a quarter of a minute, speeds change by 1 m/s and peak slip rates by 0.002 m/s.
+# Run with `python demos/impact_3d.py`: two minutes of one core. Another element size is the argument, in m or with its
+# unit: with "2 mm", a quarter of a minute, speeds change by 1 m/s and peak slip rates by 0.002 m/s.
 
 # %%
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from ruptfx import simulate
-from ruptfx.app.script import begin, save
+from ruptfx.app.script import begin, read_number, read_words, save
 from ruptfx.case import parse_case, read_toml
 from ruptfx.results.figure_style import letter, new_figure, remark, styled
 
 GAUGES = (20e-3, 60e-3)  # m, from the driven edge
 out = Path("runs/impact_3d")
-begin(out)
+words = read_words()[:1]
+begin(out, words=words)
 solid = read_toml(Path(__file__).with_name("impact_3d.toml"))
-if len(sys.argv) > 1:
-    size = float(sys.argv[1])
+for word in words:
+    size = read_number(word, "element size", "m")
     solid["mesh"]["section"]["element_size"] = size
     solid["mesh"]["layers"] = max(1, round(solid["mesh"]["thickness"] / size))
 solid["output"]["figures"] = False

@@ -11,19 +11,21 @@
 # there are four times as many: left and right then differ, as on a smooth interface. That takes five minutes.
 
 # %%
-import sys
 from pathlib import Path
 
 import numpy as np
 
-from ruptfx import simulate
-from ruptfx.app.script import begin, save, save_numbers
+from ruptfx import RuptfxError, simulate
+from ruptfx.app.script import begin, read_words, save, save_numbers
 from ruptfx.case import parse_case, read_toml
 from ruptfx.results.analysis.asperities import asperities
 from ruptfx.results.figure_style import new_figure, style
 
 table, name = read_toml(Path(__file__).with_name("rough_rupture.toml")), "rough_rupture"
-if sys.argv[1:] == ["small"]:
+words = read_words()[:1]
+if words not in ([], ["small"]):
+    raise RuptfxError(f"{words[0]}: no such waves; the argument is small, or there is none")
+if words:
     name = "rough_rupture_small"
     profile = {"kind": "sinusoid", "wavelength": 75e-6}
     plate = {"left": -1.5e-3, "length": 3e-3, "height": 0.75e-3, "element_size": 5e-6}
@@ -40,7 +42,7 @@ if sys.argv[1:] == ["small"]:
     table["faults"]["main"]["nucleation"][0] |= {"half_width": 6.25e-6, "time": 9e-6}
     table["output"] |= {"interface_interval": 0.04e-6, "bulk_interval": 0.25e-6, "bulk_fields": ["velocity"],
                         "rupture_after": 9e-6}  # fmt: skip
-begin(f"runs/{name}")
+begin(f"runs/{name}", words=words)
 case = parse_case(table)
 record = simulate(case, out=f"runs/{name}", overwrite=True)
 

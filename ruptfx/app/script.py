@@ -1,17 +1,18 @@
-"""What scripts that run cases begin and end with: check of outputs, one voice for all ranks, errors in one line."""
+"""What scripts that run cases begin and end with: check of arguments and outputs, one voice for all ranks."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from ruptfx import RuptfxError
-from ruptfx.input.quantities import with_prefix
+from ruptfx.input.quantities import parse, with_prefix
 from ruptfx.platform.launch import end_all, is_first_rank
 from ruptfx.results import directories
 
@@ -19,8 +20,49 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def begin(*outputs: str | Path, ranks: bool = True) -> None:
-    """Check that outputs can be written before any computation, and show errors of ruptfx without traceback.
+def read_words() -> list[str]:
+    """Return the arguments of this script, and show errors of ruptfx without traceback from now on.
+
+    There are none in a notebook, whose process has arguments of its own.
+    """
+    main = getattr(sys.modules["__main__"], "__file__", None)
+    is_script = main is not None and os.path.realpath(main) == os.path.realpath(sys.argv[0])
+    if is_script:
+        sys.excepthook = _shown
+    return sys.argv[1:] if is_script else []
+
+
+def read_number(text: str, what: str, unit: str) -> float:
+    """Return a positive number from an argument, in a unit, such as `2e-3` or `"2 mm"` in m.
+
+    Parameters
+    ----------
+    text : str
+        The argument.
+    what : str
+        What it is, in errors.
+    unit : str
+        Unit of numbers without one.
+
+    Raises
+    ------
+    RuptfxError
+        If it is no positive number, or has a unit of another kind.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        try:
+            value = parse(text, unit)
+        except ValueError as error:
+            raise RuptfxError(f"{what} {text!r}: {error}") from None
+    if not 0 < value < math.inf:
+        raise RuptfxError(f"{what} {text!r}: must be a positive number of {unit}, such as 2 or '2 {unit}'")
+    return value
+
+
+def begin(*outputs: str | Path, ranks: bool = True, words: Sequence[str] = ()) -> None:
+    """Check arguments and that outputs can be written before any computation; show errors of ruptfx without traceback.
 
     Under `mpirun` only the first rank prints.
 
@@ -30,13 +72,18 @@ def begin(*outputs: str | Path, ranks: bool = True) -> None:
         Run directories, whose runs will be replaced with `overwrite=True`, and files or folders of results.
     ranks : bool
         False if the script has no use for more than one rank, as lumped models: the others end here.
+    words : sequence of str
+        Arguments that the script has read by `read_words`; others are refused.
 
     Raises
     ------
     RuptfxError
-        If an output is not writable, or contains files other than a run.
+        If there is another argument, or an output is not writable or contains files other than a run.
     """
     sys.excepthook = _shown
+    if unknown := " ".join(read_words()[len(words) :]):
+        known = f"no more arguments than {' '.join(words)}" if words else "no arguments"
+        raise RuptfxError(f"{unknown}: {Path(sys.argv[0]).name} takes {known}; run it without {unknown}")
     if not is_first_rank():
         if not ranks:
             raise SystemExit(0)

@@ -4,6 +4,8 @@ import ast
 import json
 import re
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +65,40 @@ def test_ranks_of_a_script_do_not_write_one_picture_at_the_same_time(path):
     }  # fmt: skip
     assert ("ruptfx.results.figure_style", "save") not in imported
     assert ("ruptfx.app.script", "save") in imported or ".savefig(" not in path.read_text(encoding="utf-8")
+
+
+WRONG = {
+    "impact_3d": [["abc"], ["-2e-3"], ["nan"], ["2 s"], ["2e-3", "abc"]],
+    "rough_rupture": [["abc"], ["small", "abc"]],
+    "four_modes_descent": [[], ["abc"], [str(DEMOS / "reconstruct.csv")], [str(DEMOS / "reconstruct.csv"), "-1"],
+                           [str(DEMOS / "reconstruct.csv"), "60", "V"]],
+}  # fmt: skip
+"""Arguments of scripts that have some; others have none."""
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [(path, words) for path in sorted(DEMOS.glob("*.py")) for words in WRONG.get(path.stem, [["abc"]])],
+    ids=lambda value: value.stem if isinstance(value, Path) else " ".join(map(str, value)).replace(str(DEMOS), ""),
+)
+def test_a_script_refuses_arguments_that_it_does_not_have(script, words, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", [str(script), *words])
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", str(script))
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
+    monkeypatch.setattr(ruptfx, "simulate", lambda *_, **__: pytest.fail("it runs"), raising=False)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RuptfxError, match=words[-1] if words and words[-1][0] != "/" else "scores"):
+        runpy.run_path(str(script))
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_error_of_an_argument_is_one_line(tmp_path):
+    command = [sys.executable, str(DEMOS / "impact_3d.py"), "abc"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 1 and not result.stdout
+    assert result.stderr == (
+        "error: element size 'abc': input should be a valid number, or one with a unit, such as '2 m'\n"
+    )
 
 
 def test_the_container_and_make_demo_draw_the_pictures_of_the_main_script(tmp_path, monkeypatch):
