@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
+import itertools
 import json
 import re
 import shlex
@@ -38,18 +40,70 @@ def test_a_row_has_a_command_that_exists_or_says_what_is_missing(row: Row) -> No
     assert not row.picture or (DOCS / row.picture).is_file()
 
 
+def saved_numbers() -> dict[str, dict[str, float | str]]:
+    """Numbers by script, case or benchmark and by name, in SI units or those that they are saved in."""
+    runs = json.loads((DOCS / "pictures" / "numbers.json").read_text(encoding="utf-8"))
+    numbers = {
+        name: {key: value[0] if isinstance(value, list) else value for key, value in each.items()}
+        for key_, each in runs.items() for name in (key_, f"{key_}.toml")
+    }  # fmt: skip
+    for path in (DOCS / "verification" / "results").glob("*.json"):
+        checks = json.loads(path.read_text(encoding="utf-8")).get("checks", [])
+        numbers[path.stem] = {check["quantity"]: check["found"] for check in checks}
+    return numbers
+
+
+def value_of(text: str, numbers: dict[str, dict[str, float | str]]) -> float | str:
+    """A number, or the saved one that `[[NAME|NUMBER]]` stands for."""
+    match = re.fullmatch(r"\[\[(.+?)\|(.+?)\]\]", text)
+    if not match:
+        return float(text)
+    (name,) = fnmatch.filter(numbers[match[1]], match[2])
+    return numbers[match[1]][name]
+
+
+def holds(condition: str, numbers: dict[str, dict[str, float | str]]) -> bool:
+    """Whether a condition of sources.toml is true: A < B < C, A is WORD, or A is within N % of B."""
+    if match := re.fullmatch(r"(\S.*\]\]) is within (\S+) % of (.+)", condition):
+        found, wanted = (float(value_of(match[place], numbers)) for place in (1, 3))
+        return abs(found - wanted) <= 0.01 * float(match[2]) * abs(wanted)
+    if match := re.fullmatch(r"(\[\[.+\]\]) is (.+)", condition):
+        return value_of(match[1], numbers) == match[2]
+    values = [float(value_of(each, numbers)) for each in condition.split(" < ")]
+    return len(values) > 1 and all(low < high for low, high in itertools.pairwise(values))
+
+
 @pytest.mark.parametrize("row", ROWS)
 def test_a_number_of_a_row_is_saved_by_a_run(row: Row) -> None:
     """Text has no digits of its own: numbers are names of saved ones, or inputs and formulas in backticks."""
-    numbers = json.loads((DOCS / "pictures" / "numbers.json").read_text(encoding="utf-8"))
-    for name, wanted in re.findall(r"\[\[(.+?)\|(.+?)\]\]", row.computed):
-        if name.endswith((".py", ".toml")):
-            assert wanted in numbers[name.removesuffix(".toml")], name
-        else:
-            saved = json.loads((DOCS / "verification" / "results" / f"{name}.json").read_text(encoding="utf-8"))
-            assert saved["checks"], name
+    numbers = saved_numbers()
+    for number in re.findall(r"\[\[.+?\]\]", row.computed):
+        assert value_of(number, numbers) is not None
     text = re.sub(r"\[\[.+?\]\]|`.+?`|\b[A-Za-z_]+\d+\b|[23]D\b", "", row.computed)
     assert not re.search(r"\d", text), f"{text}: save the number by `save_numbers` or a benchmark, and name it here"
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_the_verdict_of_a_row_holds_for_the_saved_numbers(row: Row) -> None:
+    """Numbers of scripts and cases, and failed checks beside a yes, are in conditions, which hold."""
+    conditions = "; ".join(row.holds)
+    broken = [condition for condition in row.holds if not holds(condition, saved_numbers())]
+    assert not broken, f"{row.what}: '{row.agrees}' is to be changed, for these no longer hold: {broken}"
+    named = re.findall(r"\[\[(.+?)\|(.+?)\]\]", row.computed)
+    assert row.holds or not [name for name, _ in named if name.endswith((".py", ".toml"))]
+    for name, wanted in named if row.agrees.startswith("yes") else []:
+        if not name.endswith((".py", ".toml")):
+            saved = json.loads((DOCS / "verification" / "results" / f"{name}.json").read_text(encoding="utf-8"))
+            failed = [check["quantity"] for check in saved["checks"] if not check["passed"]]
+            assert not fnmatch.filter(failed, wanted) or f"[[{name}|{wanted}]]" in conditions, wanted
+
+
+def test_conditions_are_false_for_other_numbers() -> None:
+    numbers = {"a.py": {"speed": 2.0, "mode": "crack", "slip": 1.99}}
+    assert holds("1 < [[a.py|slip]] < [[a.py|speed]]", numbers) and not holds("[[a.py|speed]] < [[a.py|slip]]", numbers)
+    assert holds("[[a.py|mode]] is crack", numbers) and not holds("[[a.py|mode]] is pulse", numbers)
+    assert holds("[[a.py|slip]] is within 1 % of [[a.py|speed]]", numbers)
+    assert not holds("[[a.py|slip]] is within 0.1 % of 2", numbers)
 
 
 def test_the_page_has_a_table_of_every_document() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -29,6 +30,8 @@ class Row:
         Yes, in part, no or not done, and the reason.
     picture : str
         Picture of the site, relative to docs/; empty if there is none.
+    holds : list of str
+        Conditions on saved numbers that the verdict rests on, beside the checks of benchmarks.
     """
 
     what: str
@@ -37,6 +40,7 @@ class Row:
     computed: str
     agrees: str
     picture: str = ""
+    holds: Sequence[str] = ()
 
 
 @cache
