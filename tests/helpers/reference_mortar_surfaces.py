@@ -6,11 +6,13 @@ from itertools import product
 
 import numpy as np
 
+from ruptfx.bodies.meshes.lobatto import Basis
 from ruptfx.interfaces.sliding.coupling import OVERHANG, REACH, SLIVER, Coupling, MortarPairing
 from ruptfx.interfaces.sliding.mortar_surfaces import SurfaceMortar, integrals
 from ruptfx.interfaces.sliding.surface import Floats, Integers, corners_of, open_sides
 
-Pairs = list[tuple[int, int, int, int, int, Floats, Floats, Floats]]
+# Cells of both sides, facet of the minus side; corners of both cells and nodes of both facets in the plane; overlap.
+Pairs = list[tuple[tuple[int, int], int, tuple[int, int], Floats, Floats, Floats, Floats, Floats]]
 
 ENDS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
@@ -32,17 +34,19 @@ class SurfaceMortarReference(SurfaceMortar):
         for e, numbers in enumerate(self.plus.numbers):
             pairs: Pairs = []
             whole = True
+            outline = plus[corners_of(self.plus.numbers, order)[e]]
+            axes, origin = plane(outline), outline.mean(axis=0)
+            own_nodes = (plus[numbers] - origin) @ axes[:2].T
             for i, j in product(range(order), range(order)):
                 own = plus[numbers.reshape(order + 1, -1)[[i, i + 1, i + 1, i], [j, j, j + 1, j + 1]]]
-                axes, area, covered = plane(own), 0.0, 0.0
-                own_flat = (own - own.mean(axis=0)) @ axes[:2].T
+                covered, own_flat = 0.0, (own - origin) @ axes[:2].T
                 area = area_of(own_flat)
                 for f, k, l, corners in cells:  # noqa: E741
                     if abs((corners.mean(axis=0) - own.mean(axis=0)) @ axes[2]) > reach + np.linalg.norm(
                         np.ptp(corners)
                     ):
                         continue
-                    flat = (corners - own.mean(axis=0)) @ axes[:2].T
+                    flat = (corners - origin) @ axes[:2].T
                     ranges = [
                         (each.min(axis=0), each.max(axis=0)) for each in (self._extended(flat, f, k, l), own_flat)
                     ]
@@ -52,7 +56,8 @@ class SurfaceMortarReference(SurfaceMortar):
                         cut(self._extended(flat, f, k, l), own_flat) if area_of(flat) > SLIVER * area else flat[:0]
                     )
                     covered += area_of(polygon)
-                    pairs.append((i, j, f, k, l, own_flat, flat, polygon))
+                    nodes = (minus[self.minus.numbers[f]] - origin) @ axes[:2].T
+                    pairs.append(((i, j), f, (k, l), own_flat, flat, own_nodes, nodes, polygon))
                 whole = whole and bool(covered > (1 - 1e-6) * area)
             block, turned, share = (self._dual if whole else self._collocated)(e, minus, pairs)
             np.add.at(coupling, numbers, block)
@@ -79,30 +84,26 @@ class SurfaceMortarReference(SurfaceMortar):
         low, high = self._limits(f, k, l)
         return bilinear(flat, np.where(ENDS < 0, low, high))
 
-    def _across(self, minus: Floats, f: int, k: int, l: int, at: Floats) -> tuple[Floats, Floats]:  # noqa: E741
-        """Return the basis and the unit normal of a facet at points of one of its cells."""
-        basis = self.minus.basis
-        first, second = (in_facet(basis.points, cell, at[:, c]) for c, cell in enumerate((k, l)))
+    def _across(self, minus: Floats, f: int, at: Floats) -> tuple[Floats, Floats]:
+        """Return the basis and the unit normal of a facet at points, shape (g, 2)."""
+        table, along_s, along_t = shapes(self.minus.basis, at)
         corners = minus[self.minus.numbers[f]]
-        along = [np.einsum("gi,gj->gij", *each).reshape(len(at), -1) @ corners for each in (
-            (basis.slopes(first), basis.values(second)), (basis.values(first), basis.slopes(second)),
-        )]  # fmt: skip
-        normal = np.cross(*along)
-        table = np.einsum("gi,gj->gij", basis.values(first), basis.values(second)).reshape(len(at), -1)
+        normal = np.cross(along_s @ corners, along_t @ corners)
         return table, normal / np.linalg.norm(normal, axis=1)[:, None]
 
     def _dual(self, e: int, minus: Floats, pairs: Pairs) -> tuple[Floats, Floats, Floats]:
         basis, order = self.plus.basis, self.plus.order
         mass = np.zeros(((order + 1) ** 2,) * 2)
         block, turned = np.zeros((len(mass), len(minus))), np.zeros((len(mass), 3))
-        for i, j, f, k, l, own, flat, polygon in pairs:  # noqa: E741
-            for x, w in parts(without_flat_corners(polygon, area_of(own)), *self._gauss):
-                at, det = inverse(own, x)
-                first, second = in_facet(basis.points, i, at[:, 0]), in_facet(basis.points, j, at[:, 1])
-                table = np.einsum("ga,gb->gab", basis.values(first), basis.values(second)).reshape(len(x), -1)
-                scale = 0.25 * np.diff(basis.points)[i] * np.diff(basis.points)[j]
-                measure = w * scale / det * (table @ self._metric[e])
-                values, normal = self._across(minus, f, k, l, inverse(flat, x)[0])
+        for cell, f, other, own, flat, own_nodes, nodes, polygon in pairs:
+            corners = without_flat_corners(polygon, area_of(own))
+            reference = in_facet(basis, own_nodes, cell, inverse(own, corners)[0], corners)
+            for at, w in parts(reference, *self._gauss):
+                table = shapes(basis, at)[0]
+                measure = w * (table @ self._metric[e])
+                x = table @ own_nodes
+                there = in_facet(self.minus.basis, nodes, other, inverse(flat, x)[0], x)
+                values, normal = self._across(minus, f, there)
                 mass += table.T @ (measure[:, None] * table)
                 block[:, self.minus.numbers[f]] += table.T @ (measure[:, None] * values)
                 turned += table.T @ (measure[:, None] * normal)
@@ -114,13 +115,14 @@ class SurfaceMortarReference(SurfaceMortar):
         order = self.plus.order
         block, turned = np.zeros(((order + 1) ** 2, len(minus))), np.zeros(((order + 1) ** 2, 3))
         times = np.zeros(len(block))
-        for i, j, f, k, l, own, flat, _ in pairs:  # noqa: E741
-            low, high = self._limits(f, k, l)
+        for (i, j), f, other, own, flat, _, nodes, _ in pairs:
+            low, high = self._limits(f, *other)
             at, det = inverse(flat, own)
             corners = [(i + a) * (order + 1) + j + b for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
             inside = np.all((at > low - SLIVER) & (at < high + SLIVER), axis=1) & (det > SLIVER * area_of(own))
-            values, normal = self._across(minus, f, k, l, np.where(inside[:, None], at, 0.0))
-            for corner, value, direction in zip(np.array(corners)[inside], values[inside], normal[inside], strict=True):
+            there = in_facet(self.minus.basis, nodes, other, at[inside], own[inside])
+            values, normal = self._across(minus, f, there)
+            for corner, value, direction in zip(np.array(corners)[inside], values, normal, strict=True):
                 block[corner, self.minus.numbers[f]] += value
                 turned[corner] += direction
                 times[corner] += 1
@@ -137,9 +139,24 @@ def plane(corners: Floats) -> Floats:
     return np.stack([along, np.cross(normal, along), normal])
 
 
-def in_facet(nodes: Floats, cell: int, at: Floats) -> Floats:
-    x: Floats = 0.5 * (nodes[cell] + nodes[cell + 1] + at * (nodes[cell + 1] - nodes[cell]))
-    return x
+def shapes(basis: Basis, at: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the functions of a facet and their derivatives along both directions at points, shapes (g, nodes)."""
+    tables = [(basis.values(x), basis.slopes(x)) for x in at.T]
+    (s, by_s), (t, by_t) = tables
+    size = len(at), len(basis.points) ** 2
+    first, second, third = (np.einsum("gi,gj->gij", *each).reshape(size) for each in ((s, t), (by_s, t), (s, by_t)))
+    return first, second, third
+
+
+def in_facet(basis: Basis, nodes: Floats, cell: tuple[int, int], at: Floats, x: Floats) -> Floats:
+    """Return reference coordinates on a facet of points x, by Newton's method from those of its bilinear cell."""
+    low, high = (basis.points[np.array(cell) + k] for k in (0, 1))
+    at = 0.5 * (low + high + at * (high - low))
+    for _ in range(30):
+        table, along_s, along_t = shapes(basis, at)
+        matrix = np.stack([along_s @ nodes, along_t @ nodes], axis=2)
+        at = at + np.linalg.solve(matrix, (x - table @ nodes)[..., None])[..., 0]
+    return at
 
 
 def bilinear(corners: Floats, at: Floats) -> Floats:

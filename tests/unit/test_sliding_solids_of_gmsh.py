@@ -51,9 +51,9 @@ def model(
     )
     sides = {"plus": "upper", "minus": "lower", "matching": False}
     table = solids({"order": 2 if recombine else 1})
-    case = parse_case(
-        table | {"mesh": {"kind": "gmsh_file", "file": "blocks.geo", "interfaces": {"main": sides}}}, path
-    )
+    table["faults"] = {name: table["faults"]["main"] for name in ("main", "again") if name in text}
+    interfaces = dict.fromkeys(table["faults"], sides)
+    case = parse_case(table | {"mesh": {"kind": "gmsh_file", "file": "blocks.geo", "interfaces": interfaces}}, path)
     assert isinstance(case, Case)
     return Model(case)
 
@@ -79,9 +79,11 @@ def test_a_gap_of_the_file_is_kept(tmp_path: Path) -> None:
     ({"groups": ('Surface("main") = {lower[0], 2}', 'Curve("main") = {21}')}, r"'main' .* lower\.bottom"),
     ({"groups": ("{lower[0], 2}", "{lower[0], 2, upper[0]}")}, r"'upper\.top' and 'main\.plus'"),
     ({"x": 9e-3}, r"faults\.main: .* \(0\.01, 0\.002, .*\) m, .* \(0\.002, 0\.002, .*\) m; move"),
+    ({"groups": ("{lower[0], 2};", '{lower[0], 2}; Physical Surface("again") = {lower[0], 2};')},
+     r"mesh: the facet at \(.*, 0\) m belongs to .*'main\.(plus|minus)'.*'again\..*; name every facet once"),
     ({"groups": ("{lower[0], 2}", "{1, 2}")}, r"facet at \(.*, -0\.001\) m .* 'lower\.bottom' and 'main\.minus'"),
 ])  # fmt: skip
 def test_groups_that_are_no_two_surfaces_are_refused(options: dict[str, object], message: str, tmp_path: Path) -> None:
-    """Overlap, tetrahedra, one surface, a volume, a curve, an edge, beside each other, averted."""
+    """Overlap, tetrahedra, one surface, a volume, a curve, an edge, beside each other, used twice, averted."""
     with pytest.raises(RuptfxError, match=facts(message)):
         model(tmp_path, **options)  # type: ignore[arg-type]

@@ -163,11 +163,15 @@ def solid(changes: dict[str, Any]) -> dict[str, Any]:
     return block({**SOLID, "boundaries": edges, "mesh.base.profile": wave(2e-6), **changes})
 
 
-@pytest.mark.parametrize("kind", ["quasi_static", "generalized_alpha"])
-def test_implicit_steps_of_a_solid(kind: str) -> None:
+@pytest.mark.parametrize(
+    "kind, contact",
+    [("quasi_static", SPRINGS), ("generalized_alpha", SPRINGS), ("quasi_static", {"kind": "augmented_lagrangian"})],
+    ids=["quasi_static", "generalized_alpha", "quasi_static, rigid"],
+)
+def test_implicit_steps_of_a_solid(kind: str, contact: dict[str, Any]) -> None:
     """The base carries the load of 20 MPa on 0.24 mm2; where it slides, friction is 0.3 of it along the slip rate."""
     model, _, state = march(parse_case(solid({
-        "faults.main.contact": SPRINGS, "order": 1, "duration": 3e-6, "damping": None,
+        "faults.main.contact": contact, "order": 1, "duration": 3e-6, "damping": None,
         "stepper": {"kind": kind} | ({"time_step": 1e-7} if kind == "generalized_alpha" else {}),
     })))  # fmt: skip
     face, fault = model.faults[0].interface, state.faults["main"]
@@ -181,6 +185,8 @@ def test_implicit_steps_of_a_solid(kind: str) -> None:
     )
     if kind == "quasi_static":
         assert face.weight @ pressure == pytest.approx(20e6 * 0.24e-6, rel=0.01)
+        overlap = -face.jump(state.displacement)[:, 0] - pressure / contact.get("C_n", np.inf)
+        np.testing.assert_allclose(overlap[pressure > 0], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("make", [block, pytest.param(solid, marks=pytest.mark.slow)])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx import RuptfxError
 from ruptfx.bodies.state import FaultState, State
 from ruptfx.input.fields import component_names
 from ruptfx.interfaces.faults.fault import Fault
@@ -141,7 +142,10 @@ class Follower:
     def _follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
         dofs, nodal = self.face.dofs, (-1, self.face.geometry.dim)
         begun = None if before is None else before[dofs].reshape(nodal)
-        self.face.geometry.follow(displacement[dofs].reshape(nodal), slip, begun)
+        try:
+            self.face.geometry.follow(displacement[dofs].reshape(nodal), slip, begun)
+        except RuptfxError as error:
+            raise RuptfxError(f"faults.{self._fault.name}: {error}") from None
 
 
 def _lines(side: Surface) -> tuple[Integers, Integers]:

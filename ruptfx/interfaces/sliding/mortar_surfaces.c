@@ -31,8 +31,9 @@ struct pair {
     int corners;
     double polygon[CORNERS][2], map[4][2];
 };
-// Mean plane of a cell of the plus side: origin, axes, bilinear map and area.
-struct plane { double origin[3], axis[3][3], map[4][2], area; };
+// A cell of the plus side in the mean plane of its facet: origin and axes of the plane, nodes of the facet along the
+// axes, middle of the cell, its bilinear map and its area.
+struct plane { double origin[3], axis[3][3], nodes[OWN][2], middle[3], map[4][2], area; };
 // Coupling of a facet with one of the other side.
 struct block { double values[OWN][OTHER]; };
 
@@ -54,11 +55,9 @@ INLINE void corners_of(int order, long number, long corner[4])
     corner[1] = corner[0] + order + 1, corner[2] = corner[0] + order + 2, corner[3] = corner[0] + 1;
 }
 
-INLINE void cell_of(const struct side *side, int order, long facet, long number, struct cell *cell)
+// Quadrilateral of four nodes of a facet.
+INLINE void quadrilateral(const struct side *side, const long *nodes, const long corner[4], struct cell *cell)
 {
-    const long *nodes = side->numbers + facet * (order + 1) * (order + 1);
-    long corner[4];
-    corners_of(order, number, corner);
     for (int c = 0; c < 3; c++) {
         for (int i = 0; i < 4; i++) cell->corner[i][c] = side->x[3 * nodes[corner[i]] + c];
         cell->middle[c] = 0.25 * (cell->corner[0][c] + cell->corner[1][c] + cell->corner[2][c] + cell->corner[3][c]);
@@ -69,6 +68,13 @@ INLINE void cell_of(const struct side *side, int order, long facet, long number,
         for (int c = 0; c < 3; c++) arm[c] = cell->corner[i][c] - cell->middle[c];
         cell->radius = fmax(cell->radius, sqrt(dot3(arm, arm)));
     }
+}
+
+INLINE void cell_of(const struct side *side, int order, long facet, long number, struct cell *cell)
+{
+    long corner[4];
+    corners_of(order, number, corner);
+    quadrilateral(side, side->numbers + facet * (order + 1) * (order + 1), corner, cell);
 }
 
 // Coefficients of 1, s, t and s t of the bilinear map of [-1, 1]^2 to corners.
@@ -123,30 +129,44 @@ INLINE void diagonals(const struct cell *cell, double first[3], double second[3]
     cross3(first, second, normal);
 }
 
-// Corners of a cell along the axes of a plane.
-INLINE void project(const struct plane *plane, const struct cell *cell, double flat[4][2])
+// A place along the axes of a plane.
+INLINE void project(const struct plane *plane, const double *x, double flat[2])
 {
-    for (int i = 0; i < 4; i++)
-        for (int k = 0; k < 2; k++) {
-            double arm[3];
-            for (int c = 0; c < 3; c++) arm[c] = cell->corner[i][c] - plane->origin[c];
-            flat[i][k] = dot3(arm, plane->axis[k]);
-        }
+    double arm[3];
+    for (int c = 0; c < 3; c++) arm[c] = x[c] - plane->origin[c];
+    for (int k = 0; k < 2; k++) flat[k] = dot3(arm, plane->axis[k]);
 }
 
-// Sets the plane of a cell of the plus side: whether the cell is convex and faces the same way as the facet.
-INLINE int plane_of(const struct cell *cell, const double facing[3], struct plane *plane)
+INLINE void project_cell(const struct plane *plane, const struct cell *cell, double flat[4][2])
 {
-    double first[3], second[3], flat[4][2];
-    diagonals(cell, first, second, plane->axis[2]);
-    for (int c = 0; c < 3; c++) plane->origin[c] = cell->middle[c], plane->axis[0][c] = first[c] - second[c];
+    for (int i = 0; i < 4; i++) project(plane, cell->corner[i], flat[i]);
+}
+
+// Sets origin, axes and nodes in the mean plane of a facet of the plus side, that of its four corners: as on chains the
+// direction of projection is one for a whole facet.
+INLINE void plane_of_facet(const struct side *plus, long facet, struct plane *plane)
+{
+    const long *nodes = plus->numbers + facet * OWN, corner[4] = {0, PLUS * (PLUS + 1), OWN - 1, PLUS};
+    struct cell outline;
+    double first[3], second[3];
+    quadrilateral(plus, nodes, corner, &outline);
+    diagonals(&outline, first, second, plane->axis[2]);
+    for (int c = 0; c < 3; c++) plane->origin[c] = outline.middle[c], plane->axis[0][c] = first[c] - second[c];
     const double size = sqrt(dot3(plane->axis[2], plane->axis[2])), along = sqrt(dot3(plane->axis[0], plane->axis[0]));
-    plane->area = 0.5 * size;
     for (int c = 0; c < 3; c++) plane->axis[2][c] /= size, plane->axis[0][c] /= along;
     cross3(plane->axis[2], plane->axis[0], plane->axis[1]);
-    project(plane, cell, flat);
+    for (int a = 0; a < OWN; a++) project(plane, plus->x + 3 * nodes[a], plane->nodes[a]);
+}
+
+// Sets a cell in the plane of its facet: whether it is convex there and faces the same way as the facet.
+INLINE int set_cell(const struct cell *cell, struct plane *plane)
+{
+    double flat[4][2];
+    memcpy(plane->middle, cell->middle, sizeof(plane->middle));
+    project_cell(plane, cell, flat);
     bilinear(flat, plane->map);
-    int convex = dot3(plane->axis[2], facing) > 0;
+    plane->area = 4 * jacobian(plane->map, 0, 0);
+    int convex = plane->area > 0;
     for (int i = 0; i < 4; i++)
         convex = convex && jacobian(plane->map, corner_s(i), corner_t(i)) > SLIVER * plane->area;
     return convex;
@@ -218,7 +238,7 @@ INLINE double overlap(struct plane *plane, const struct cell *other, const unsig
                       const double *nodes, struct pair *pair)
 {
     double flat[4][2];
-    project(plane, other, flat);
+    project_cell(plane, other, flat);
     bilinear(flat, pair->map);
     pair->corners = 0;
     if (2 * (turn(flat[0], flat[1], flat[2]) + turn(flat[0], flat[2], flat[3])) <= SLIVER * plane->area) return 0;
@@ -264,6 +284,54 @@ INLINE void lagrange(const struct side *side, int order, long cell, int count, c
     }
 }
 
+// Map of order p of a cell between the nodes of a facet, along the axes of a plane: places of points, and derivatives by
+// the reference coordinates of the cell, which `slope` has by those of the facet.
+INLINE void places_of(const struct side *side, int order, const long cell[2], int count, double (*flat)[2],
+                      const double *s, const double *t, double *x, double *derivative)
+{
+    const int line = order + 1;
+    double value[2][line * count], slope[2][line * count];
+    lagrange(side, order, cell[0], count, s, value[0], slope[0]);
+    lagrange(side, order, cell[1], count, t, value[1], slope[1]);
+    const double half[2] = {0.5 * (side->nodes[cell[0] + 1] - side->nodes[cell[0]]),
+                            0.5 * (side->nodes[cell[1] + 1] - side->nodes[cell[1]])};
+    memset(x, 0, 2 * count * sizeof(*x));
+    memset(derivative, 0, 4 * count * sizeof(*x));
+    for (int i = 0; i < line; i++)
+        for (int j = 0; j < line; j++)
+            for (int c = 0; c < 2; c++) {
+                const double at = flat[i * line + j][c];
+                for (int g = 0; g < count; g++) {
+                    const double of_i = value[0][i * count + g], of_j = value[1][j * count + g];
+                    x[c * count + g] += of_i * of_j * at;
+                    derivative[c * count + g] += half[0] * slope[0][i * count + g] * of_j * at;
+                    derivative[(2 + c) * count + g] += half[1] * of_i * slope[1][j * count + g] * at;
+                }
+            }
+}
+
+// Reference coordinates of points x, y of a cell on the facet of order p, by Newton's method from those of the bilinear
+// map, which is the facet itself for order 1; whether it converges where the facet is not folded.
+INLINE int refine(const struct side *side, int order, const long cell[2], int count, double (*flat)[2],
+                  const double *x, const double *y, double *s, double *t)
+{
+    if (order == 1) return 1;
+    double largest = 1, smallest = 1;
+    for (int i = 0; i < 30 && largest > SETTLED && largest < 1e3; i++) {
+        double at[2 * count], derivative[4 * count];
+        places_of(side, order, cell, count, flat, s, t, at, derivative);
+        largest = 0, smallest = INFINITY;
+        for (int g = 0; g < count; g++) {
+            const double a = derivative[g], d = derivative[count + g], b = derivative[2 * count + g];
+            const double e = derivative[3 * count + g], u = x[g] - at[g], v = y[g] - at[count + g], det = a * e - b * d;
+            const double ds = (u * e - v * b) / det, dt = (v * a - u * d) / det, step = fabs(ds) + fabs(dt);
+            s[g] += ds, t[g] += dt;
+            largest = step > largest ? step : largest, smallest = det < smallest ? det : smallest;
+        }
+    }
+    return largest <= SETTLED && smallest > 0;
+}
+
 // Basis of a facet of the minus side and its unit normal, all points in turn, at points s, t of one of its cells.
 INLINE void opposite_at(const struct side *minus, long facet, long piece, int count, const double *s, const double *t,
                         double *basis, double *normal)
@@ -297,13 +365,13 @@ INLINE void opposite_at(const struct side *minus, long facet, long piece, int co
 
 // Points and weights of a polygon: a product rule on quadrilaterals, else one on every triangle of a fan. Returns
 // whether this is the last part.
-INLINE int quadrature(struct pair *pair, int part, const double *gauss, const double *weight, double x[2][POINTS],
+INLINE int quadrature(double polygon[CORNERS][2], int corners, int part, const double *gauss, const double *weight, double x[2][POINTS],
                       double *w)
 {
     double corner[4][2], map[4][2];
     for (int k = 0; k < 4; k++) {
-        const int i = pair->corners == 4 ? k : k < 2 ? 0 : part + k - 1;
-        memcpy(corner[k], pair->polygon[i], sizeof(corner[k]));
+        const int i = corners == 4 ? k : k < 2 ? 0 : part + k - 1;
+        memcpy(corner[k], polygon[i], sizeof(corner[k]));
     }
     bilinear(corner, map);  // of a triangle: two corners coincide, and the Jacobian vanishes there
     for (int i = 0; i < LINE; i++)
@@ -313,37 +381,67 @@ INLINE int quadrature(struct pair *pair, int part, const double *gauss, const do
             for (int c = 0; c < 2; c++) x[c][i * LINE + j] = at[c];
             w[i * LINE + j] = weight[i] * weight[j] * jacobian(map, gauss[i], gauss[j]);
         }
-    return pair->corners == 4 || part + 1 == pair->corners - 2;
+    return corners == 4 || part + 1 == corners - 2;
 }
 
-// Add the integrals over the overlap of a pair: of l N to `block`, of l l and l n to `sums`. Returns whether all points
-// have reference coordinates.
+// Corners of the overlap of a pair in reference coordinates of its cell of the plus side. Returns whether they exist.
+INLINE int reference_polygon(const struct pair *pair, struct plane *plane, const struct side *plus, const long cell[2],
+                             double polygon[CORNERS][2])
+{
+    double x[CORNERS], y[CORNERS], s[CORNERS], t[CORNERS];
+    for (int k = 0; k < CORNERS; k++) {  // the last one fills up
+        const int i = k < pair->corners ? k : pair->corners - 1;
+        x[k] = pair->polygon[i][0], y[k] = pair->polygon[i][1];
+    }
+    if (!inverse_of(plane->map, CORNERS, x, y, s, t)) return 0;
+    if (!refine(plus, PLUS, cell, CORNERS, plane->nodes, x, y, s, t)) return 0;
+    for (int k = 0; k < CORNERS; k++) polygon[k][0] = s[k], polygon[k][1] = t[k];
+    return 1;
+}
+
+// Reference coordinates of points x, y in the plane on a cell of the minus side. Returns whether they exist.
+INLINE int on_minus(struct pair *pair, const struct plane *plane, const struct side *minus, int count, const double *x,
+                    const double *y, double *s, double *t)
+{
+    if (!inverse_of(pair->map, count, x, y, s, t)) return 0;
+    for (int g = 0; g < count; g++)
+        if (!(jacobian(pair->map, s[g], t[g]) > SLIVER * plane->area)) return 0;
+    const long cell[2] = {pair->piece / MINUS, pair->piece % MINUS}, *nodes = minus->numbers + pair->facet * OTHER;
+    double flat[OTHER][2];
+    for (int b = 0; MINUS > 1 && b < OTHER; b++) project(plane, minus->x + 3 * nodes[b], flat[b]);
+    return refine(minus, MINUS, cell, count, flat, x, y, s, t);
+}
+
+// Add the integrals over the overlap of a pair: of l N to `block`, of l l and l n to `sums`. Polygons have straight sides
+// in the reference coordinates of the plus side, where l l is a polynomial: only the place of the cut depends on that.
+// Returns whether all points have reference coordinates.
 INLINE int integrate(struct pair *pair, struct plane *plane, const struct side *plus, const struct side *minus,
                      const double *metric, const double *gauss, const double *weight, struct block *block,
                      double sums[OWN][OWN + 3])
 {
-    const long row = pair->cell / PLUS, column = pair->cell % PLUS;
+    const long cell[2] = {pair->cell / PLUS, pair->cell % PLUS};
     const double *nodes = plus->nodes;
-    const double scale = 0.25 * (nodes[row + 1] - nodes[row]) * (nodes[column + 1] - nodes[column]);
+    const double scale = 0.25 * (nodes[cell[0] + 1] - nodes[cell[0]]) * (nodes[cell[1] + 1] - nodes[cell[1]]);
+    double polygon[CORNERS][2];
+    if (!reference_polygon(pair, plane, plus, cell, polygon)) return 0;
     for (int part = 0, last = 0; !last; part++) {
-        double x[2][POINTS], w[POINTS], s[POINTS], t[POINTS], all[SUMS][POINTS], local[POINTS] = {0};
+        double at[2][POINTS], x[2][POINTS], w[POINTS], s[POINTS], t[POINTS], all[SUMS][POINTS], local[POINTS] = {0};
         double value[2][(PLUS + 1) * POINTS], slope[(PLUS + 1) * POINTS], own[OWN][POINTS], both[POINTS][SUMS];
         double(*const l)[POINTS] = all + OTHER;
-        last = quadrature(pair, part, gauss, weight, x, w);
-        if (!inverse_of(plane->map, POINTS, x[0], x[1], s, t)) return 0;
-        lagrange(plus, PLUS, row, POINTS, s, value[0], slope);
-        lagrange(plus, PLUS, column, POINTS, t, value[1], slope);
+        last = quadrature(polygon, pair->corners, part, gauss, weight, at, w);
+        lagrange(plus, PLUS, cell[0], POINTS, at[0], value[0], slope);
+        lagrange(plus, PLUS, cell[1], POINTS, at[1], value[1], slope);
+        memset(x, 0, sizeof(x));
         for (int a = 0; a < OWN; a++)
             for (int g = 0; g < POINTS; g++) {
                 l[a][g] = value[0][a / (PLUS + 1) * POINTS + g] * value[1][a % (PLUS + 1) * POINTS + g];
                 local[g] += l[a][g] * metric[a];
+                x[0][g] += l[a][g] * plane->nodes[a][0], x[1][g] += l[a][g] * plane->nodes[a][1];
             }
-        for (int g = 0; g < POINTS; g++) w[g] *= scale * local[g] / jacobian(plane->map, s[g], t[g]);
+        for (int g = 0; g < POINTS; g++) w[g] *= scale * local[g];
         for (int a = 0; a < OWN; a++)
             for (int g = 0; g < POINTS; g++) own[a][g] = w[g] * l[a][g];
-        if (!inverse_of(pair->map, POINTS, x[0], x[1], s, t)) return 0;
-        for (int g = 0; g < POINTS; g++)
-            if (!(jacobian(pair->map, s[g], t[g]) > SLIVER * plane->area)) return 0;
+        if (!on_minus(pair, plane, minus, POINTS, x[0], x[1], s, t)) return 0;
         opposite_at(minus, pair->facet, pair->piece, POINTS, s, t, all[0], l[OWN]);
         for (int k = 0; k < SUMS; k++)
             for (int g = 0; g < POINTS; g++) both[g][k] = k < OTHER + OWN + 3 ? all[k][g] : 0;
@@ -402,7 +500,7 @@ INLINE void collocate(struct pair *pair, struct plane *plane, const struct side 
         if (!inverse_of(pair->map, 1, x, x + 1, at, at + 1)) continue;
         int inside = jacobian(pair->map, at[0], at[1]) > SLIVER * plane->area;
         for (int c = 0; c < 2; c++) inside = inside && at[c] > low[c] - SLIVER && at[c] < high[c] + SLIVER;
-        if (!inside) continue;
+        if (!inside || !on_minus(pair, plane, minus, 1, x, x + 1, at, at + 1)) continue;
         opposite_at(minus, pair->facet, pair->piece, 1, at, at + 1, basis, n);
         for (int b = 0; b < OTHER; b++) block->values[corner[k]][b] += basis[b];
         for (int c = 0; c < 3; c++) normal[corner[k]][c] += n[c];
@@ -442,7 +540,7 @@ static void bound(const struct tree *tree, long node, long low, long high, doubl
 INLINE int near(const struct plane *plane, double radius, double reach, const double *middle, double other)
 {
     double arm[3];
-    for (int c = 0; c < 3; c++) arm[c] = middle[c] - plane->origin[c];
+    for (int c = 0; c < 3; c++) arm[c] = middle[c] - plane->middle[c];
     const double along = dot3(arm, plane->axis[2]), beyond = fmax(fabs(along) - reach, 0), all = radius + other;
     return dot3(arm, arm) - along * along + beyond * beyond <= all * all * (1 + 1e-12);
 }
@@ -497,20 +595,16 @@ long size_of_cell(void) { return sizeof(struct cell); }
 // Set planes, pairs and their overlaps of a facet: the number of pairs, COVERED_TWICE or FOLDED. *whole: covered.
 static long pairs_of(struct work *work, const struct tree *tree, long e, struct plane planes[CELLS], int *whole)
 {
-    struct cell cells[CELLS];
-    double facing[3] = {0};
-    for (int s = 0; s < CELLS; s++) {
-        double first[3], second[3], normal[3];
-        cell_of(&work->plus, PLUS, e, s, cells + s);
-        diagonals(cells + s, first, second, normal);
-        for (int c = 0; c < 3; c++) facing[c] += normal[c];
-    }
     long count = 0;
     *whole = 1;
+    plane_of_facet(&work->plus, e, planes);
     for (int s = 0; s < CELLS; s++) {
-        if (!plane_of(cells + s, facing, planes + s)) return FOLDED;
+        struct cell cell;
+        if (s > 0) planes[s] = planes[0];
+        cell_of(&work->plus, PLUS, e, s, &cell);
+        if (!set_cell(&cell, planes + s)) return FOLDED;
         const long begin = count;
-        count = search(tree, 0, 0, work->others, planes + s, cells[s].radius, work->reach, s, work->pairs, count,
+        count = search(tree, 0, 0, work->others, planes + s, cell.radius, work->reach, s, work->pairs, count,
                        work->pair_capacity);
         if (count > work->pair_capacity) continue;
         double area = 0;
