@@ -264,8 +264,7 @@ FIGURES = {
 }  # fmt: skip
 """Figure of the demo of the same name that a picture shows."""
 LUMPED = {
-    "spring_slider": "velocity_steps", "burridge_knopoff": "events", "maxwell_slip": "friction_histories",
-    "asperity_population": "population",
+    "spring_slider": "velocity_steps", "burridge_knopoff": "events", "asperity_population": "population",
 }  # fmt: skip
 """The same of lumped models, which leave their figures in their run directories."""
 ELSEWHERE = {
@@ -402,7 +401,12 @@ COMMANDS = (
     Command("run demos/dipping_3d.toml --out run", {"dipping_3d": "rupture_map"}),
     Command("run demos/rough_3d.toml --out run", {"rough_3d": "rupture_map"}),
     Command("run demos/branch_3d.toml --out run", {"branch_3d": "rupture_map"}),
-    Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),
+    Command("run demos/spring_block.toml --out run", {
+        "spring_block": "onset_of_sliding", "spring_block_displacements": "displacements",
+    }),
+    Command("run demos/maxwell_slip.toml --out run", {
+        "maxwell_slip": "friction_histories", "maxwell_slip_static": "static_coefficient",
+    }),
     Command("spring_block.py", {"spring_block_fronts": "spring_block/front_speed"}),
     Command("impact_figures.py", {"modes": "modes", "tip_speed": "tip_speed", "slip_and_jump": "slip_and_jump",
                                   "fringes": "fringes"}, DEMOS / "pictures",

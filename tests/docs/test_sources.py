@@ -36,6 +36,7 @@ def test_a_row_has_a_command_that_exists_or_says_what_is_missing(row: Row) -> No
     if words[1:2] == ["bench"]:
         assert words[2] in benchmarks()
     assert row.agrees.startswith(AGREES) and row.printed
+    assert row.agrees.startswith("yes") or re.search(r"\w: .", row.agrees), "give the reason"
     assert row.computed or row.agrees.startswith("not done")
     assert not row.picture or (DOCS / row.picture).is_file()
 
