@@ -70,9 +70,8 @@ class Section(Discretisation):
         super().__init__(comm, distribute(comm, mesh, tied), materials, "strain", order, broken=False)
         self.faces = {name: _with_strike(build_interface(self.layout, name)) for name in self.bodies.interfaces}
         self.loads = Loads(self, boundaries)
-        if self.loads.forces or self.loads.dashpot.any():
-            number = next(i for i, each in enumerate(boundaries) for action in self.loads.actions_of(each)
-                          if action.force is not None or action.dashpot is not None)  # fmt: skip
+        if self.loads.loading:
+            number = self.loads.loading[0]
             raise CaseError(
                 f"boundaries.{number}.kind = '{boundaries[number].kind()}': sections that repeat along strike are "
                 "loaded by driven edges (and held by springs); give the stress of a pressure as initial_stress"

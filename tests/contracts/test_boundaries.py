@@ -14,10 +14,12 @@ pytest.importorskip("dolfinx")
 
 from helpers.messages import facts
 
+from ruptfx.bodies.boundaries import Action
 from ruptfx.bodies.boundaries.gravity import Gravity
 from ruptfx.bodies.boundaries.histories import Sampled, course
 from ruptfx.case import Case, parse_case
 from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.mechanisms.faults import Faults
 from ruptfx.platform import fem, parallel
 from ruptfx.run.model import Model
 
@@ -188,3 +190,19 @@ def test_forces_grow_during_their_ramp() -> None:
     force = weight.act(model, "boundaries.0").force
     assert force is not None
     assert [force.factor(time) for time in (0.0, 1e-6, 4e-6, 9e-6)] == pytest.approx([0.0, 0.25, 1.0, 1.0])
+
+
+def test_neither_boundaries_nor_steps_of_faults_keep_vectors_over_all_nodes() -> None:
+    edges = [f"{body}.{side}" for body in ("upper", "lower") for side in ("left", "right")]
+    ends = [{"kind": "absorbing", "edge": edge} for edge in edges]
+    given = case({"order": 2, "boundaries": ends})
+    model = Model(given, fem.MPI.COMM_SELF)
+    # The sum of all dashpots is kept, once; four boundaries would keep four vectors.
+    assert model.loads.loading == [0, 1, 2, 3]
+    assert model.loads.dashpot.any()
+    assert [action for _, actions in model.loads._acts for action in actions] == 4 * [Action()]
+    (faults,) = (each for each in given.stepper.bind(model).mechanisms if isinstance(each, Faults))
+    sizes = {name: value.size for steps in faults.steps for step in steps for name, value in vars(step).items()
+             if isinstance(value, np.ndarray)}  # fmt: skip
+    assert sizes
+    assert max(sizes.values()) < model.nodes, sizes

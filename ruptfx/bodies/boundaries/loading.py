@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,10 @@ class Loads:
     dashpot : ndarray, shape (nodes * components,)
         Damping force per velocity of boundaries and attachments [N s/m].
     supports : list of Support
+    loading : list of int
+        Boundaries with forces or dashpots, by their place in the list.
+    lasting_forces : list of Force
+        Forces of the boundaries without dashpots of their own, which let waves pass.
     start, end : float
         Times between which they act [s].
 
@@ -49,7 +54,15 @@ class Loads:
 
     def __init__(self, model: Discretisation, boundaries: Sequence[Boundary], key: str = "boundaries") -> None:
         self.model = model
-        self._acts = [(each, self.act(each, f"{key}.{number}")) for number, each in enumerate(boundaries)]
+        self.dashpot = np.zeros(model.nodes * model.components)
+        self.loading: list[int] = []
+        self.lasting_forces: list[Force] = []
+        self._acts: list[tuple[Boundary, list[Action]]] = []
+        reach: list[list[tuple[str, np.ndarray]]] = []
+        for number, each in enumerate(boundaries):
+            result = self.act(each, f"{key}.{number}")
+            reach.append(self._reach(result[0]))
+            self._acts.append((each, [self._without_dashpot(action, number) for action in result]))
         actions = [action for _, result in self._acts for action in result]
         self.motions = [action.motion for action in actions if action.motion is not None]
         if model.plane == "axisymmetric":
@@ -57,10 +70,6 @@ class Loads:
         self.forces = [action.force for action in actions if action.force is not None]
         self.ended: list[Force] = []
         self.supports: list[Support] = [action.support for action in actions if action.support is not None]
-        self.dashpot = np.zeros(model.nodes * model.components)
-        for action in actions:
-            if action.dashpot is not None:
-                self.add_dashpot(action.dashpot)
         layout, prescribed = model.layout, self.prescribed
         of_nodes = prescribed.reshape(model.nodes, -1)
         one_only = (of_nodes[layout.kept] != of_nodes[layout.copies]).any(axis=1)
@@ -70,7 +79,21 @@ class Loads:
             error = CaseError(f"boundaries: one of two nodes that are tied is driven, at ({x}) m; drive both or none")
         parallel.raise_on_all(model.comm, error)
         for number in range(len(self._acts)):
-            self._refuse_without_effect(key, number, prescribed)
+            self._refuse_without_effect(key, number, prescribed, reach[number])
+
+    def _without_dashpot(self, action: Action, number: int) -> Action:
+        """Add the dashpots and forces of an action to those of all, and return it without dashpots.
+
+        They are vectors over all nodes, of which one for each boundary would be the largest part of the memory.
+        """
+        if action.force is not None or action.dashpot is not None:
+            self.loading.append(number)
+        if action.force is not None and action.dashpot is None:
+            self.lasting_forces.append(action.force)
+        if action.dashpot is None:
+            return action
+        self.add_dashpot(action.dashpot)
+        return replace(action, dashpot=None)
 
     def add_dashpot(self, dashpot: np.ndarray) -> None:
         """Add a damping force per velocity, complete at every local node [N s/m], shape (nodes * components,)."""
@@ -79,7 +102,9 @@ class Loads:
         of_nodes, oblique = self.dashpot.reshape(self.model.nodes, -1), self.model.oblique
         of_nodes[oblique] = of_nodes[oblique].mean(axis=1, keepdims=True)
 
-    def _refuse_without_effect(self, key: str, number: int, prescribed: np.ndarray) -> None:
+    def _refuse_without_effect(
+        self, key: str, number: int, prescribed: np.ndarray, reach: list[tuple[str, np.ndarray]]
+    ) -> None:
         """Refuse a boundary that drives degrees of freedom twice, or acts only on driven ones; collective.
 
         Parameters
@@ -87,6 +112,8 @@ class Loads:
         key : str
             Of the list of boundaries.
         prescribed : ndarray of bool, shape (nodes * components,)
+        reach : list of (str, ndarray of int)
+            From `_reach`.
 
         Raises
         ------
@@ -104,7 +131,7 @@ class Loads:
                             f"{place}.edge = '{boundary.driven_edge}': {key}.{earlier} drives the same part of it in "
                             "the same direction; remove one of them, or give each its x_range or y_range"
                         )
-        for what, dofs in self._reach(action):
+        for what, dofs in reach:
             free = dofs[~prescribed[dofs]]
             count, free_dofs = parallel.total(self.model.comm, [len(dofs), len(free)])
             if count and not free_dofs:
@@ -180,12 +207,6 @@ class Loads:
         for support in self.supports:
             acting.reshape(-1, self.model.components)[support.nodes] = True
         return acting
-
-    @property
-    def lasting_forces(self) -> list[Force]:
-        """Forces of the boundaries without dashpots of their own, which let waves pass."""
-        actions = [action for _, result in self._acts for action in result]
-        return [action.force for action in actions if action.force is not None and action.dashpot is None]
 
     def drive(self, velocity: np.ndarray, time: float) -> None:
         """Set the velocity of driven edges at a time [s], in place."""

@@ -78,9 +78,8 @@ class FaultStep:
         self.fault, self.clock, self.work, self.prescribed_work = fault, clock, 0.0, 0.0
         self._real = real
         law, face = fault.traced_law(), fault.interface
-        self._inverse_mass = inverse_mass
         index = np.zeros(0, np.int64) if fault.contact.traction_ends_slip else coupled_points(face, inverse_mass)
-        columns = _columns(fault, inverse_mass, clock)
+        columns = point_columns(fault, inverse_mass, clock)
         self._code = PointCode(fault, law, _without(columns, index), real)
         self._nodes = [
             np.ascontiguousarray(filled(side * face.frame.shape[2]), np.int64) for side in (face.plus, face.minus)
@@ -106,11 +105,6 @@ class FaultStep:
         self._result = np.zeros(4 + len(FAILURE))
         self._held = (np.zeros(0), np.zeros(0))  # tension and opening before
         self._bound: tuple[object, ...] = ()
-
-    def refresh(self) -> None:
-        """Read weights and inverse masses again after changes in place."""
-        for name, values in _columns(self.fault, self._inverse_mass, self.clock).items():
-            self._code.put(name, values)
 
     def opening_rate(self, state: FaultState, velocity: np.ndarray, is_first: bool) -> np.ndarray | None:
         """Return the opening rate of every point [m/s], or None if all stay closed and no impact can occur.
@@ -250,7 +244,7 @@ def _without(columns: dict[str, np.ndarray], index: np.ndarray) -> dict[str, np.
     return columns | unused
 
 
-def _columns(fault: Fault, inverse_mass: np.ndarray, clock: Clock) -> dict[str, np.ndarray]:
+def point_columns(fault: Fault, inverse_mass: np.ndarray, clock: Clock) -> dict[str, np.ndarray]:
     """Return the constant data of the points, shapes (n,) and (n, k)."""
     face = fault.interface
     components = face.frame.shape[2]

@@ -27,7 +27,8 @@ Integers = NDArray[np.int64]
 
 def masses_and_dashpots(model: System) -> tuple[Floats, Floats]:
     """Return mass [kg] and damping force per velocity [N s/m] of every degree of freedom, sums for tied ones."""
-    both = model.mass.copy(), model.loads.dashpot + model.case.damping.mass * model.mass
+    both = model.mass.copy(), model.case.damping.mass * model.mass
+    both[1][:] += model.loads.dashpot
     for values in both:
         model.layout.sum_tied(values)
     return both
@@ -108,6 +109,7 @@ class SteppedNodes:
         self.velocity_before = np.zeros(len(dofs))
         self.only: Integers | None = None
         self.kicks = [Kick(model, dofs, dt, number, mass, dashpot) for number in range(3)]
+        self.kicks[2].plain_push = self.kicks[1].plain_push  # equally long: one vector over all nodes serves both
         self._alike = int(rounds_as_kernel and all(kick.plain_keep == 1 for kick in self.kicks))
         if rounds_as_kernel:
             plain = ~model.loads.acting[dofs]
@@ -126,8 +128,12 @@ class SteppedNodes:
 
         The mass includes dashpots; it is zero where the motion is prescribed.
         """
-        mass, dashpot = masses_and_dashpots(self.model)
-        return np.where(self.model.loads.prescribed, 0.0, 1 / (mass + 0.5 * kick.clock.kick * dashpot))
+        inverse, dashpot = masses_and_dashpots(self.model)
+        dashpot *= 0.5 * kick.clock.kick
+        inverse += dashpot
+        np.divide(1, inverse, out=inverse)
+        inverse[self.model.loads.prescribed] = 0.0
+        return inverse
 
     def among(self, dofs: Integers) -> Integers:
         """Return the indices of some of the stepped degrees of freedom in the arrays of this class."""

@@ -23,7 +23,7 @@ from ruptfx.bodies.state import FaultState
 from ruptfx.input.fields import Array
 from ruptfx.interfaces.faults import cohesive_interface
 from ruptfx.interfaces.faults.fault import Fault
-from ruptfx.interfaces.faults.fault_step import FaultStep
+from ruptfx.interfaces.faults.fault_step import FaultStep, point_columns
 from ruptfx.interfaces.faults.held_points import beside_diagonal
 from ruptfx.interfaces.faults.interface import Interface
 from ruptfx.interfaces.faults.point_code import LANES
@@ -63,8 +63,13 @@ class _Points(FaultStep):
 
     def __init__(self, fault: Fault, inverse_mass: Floats, clock: Clock, threshold: float, before: Floats) -> None:
         super().__init__(fault, inverse_mass, clock, threshold)
-        self._before = address(before)
+        self._inverse_mass, self._before = inverse_mass, address(before)
         self._result, self.loss, self.fastest = np.zeros(8), 0.0, 0.0
+
+    def refresh(self) -> None:
+        """Read weights and inverse masses again after changes in place."""
+        for name, values in point_columns(self.fault, self._inverse_mass, self.clock).items():
+            self._code.put(name, values)
 
     def put_shear(self, traction: Floats) -> None:
         """Set the initial shear traction of points without sweeps [Pa], shape (n, tangents)."""
