@@ -202,6 +202,21 @@ def test_what_the_upload_would_refuse_is_refused(
         seas_files.check(path)
 
 
+@pytest.mark.parametrize(("column", "value", "words"), [
+    (1, "2e4", "line 11: disp_1 = 20000 is not within -10000 to 10000; use m, m/s"), (4, "300", "line 11: vel_2 = 300"),
+    (0, "5", "line 11: time 5 s does not follow 5 s"),
+])  # fmt: skip
+def test_stations_off_the_fault_are_checked(tmp_path: Path, column: int, value: str, words: str) -> None:
+    head = [*(f"# {key}=1" for key in seas_files.ENTRIES), "t disp_1 disp_2 vel_1 vel_2", "# data"]
+    path = tmp_path / "srfst_fn-08.dat"
+    body = [f"{time} 0.1 0.2 1e-9 2e-9" for time in (0, 2, 5, 7)]
+    path.write_text("\n".join([*head, *body]) + "\n")
+    seas_files.check(path)
+    path.write_text("\n".join(changed(1, column, value)([*head, *body])) + "\n")
+    with pytest.raises(RuptfxError, match=facts(words)):
+        seas_files.check(path)
+
+
 def test_only_names_of_the_comparison_are_read(tmp_path: Path) -> None:
     path = written(tmp_path, line("antiplane"))["slip.dat"].rename(tmp_path / "fltst_dp75.dat")
     with pytest.raises(RuptfxError, match=facts("fltst_dp75.dat: .* fltst_dp075.dat")):

@@ -40,6 +40,13 @@ def export(
         list[str] | None,
         typer.Option(help="Of seas: '7.5 km' down dip; on a surface '-24 km, 10 km'. Default those of the benchmarks."),
     ] = None,
+    off_fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of seas, motion off the fault: 'benchmark', or '8 km' from it at the surface; on a surface "
+            "'-16 km, 8 km, 0 km' along strike, off the fault and deep. Builds the bodies again."
+        ),
+    ] = None,
 ) -> None:
     """Write a run for other programs.
 
@@ -60,13 +67,15 @@ def export(
             return scec_files.files(record, folder, lambda line: screen.print(line, soft_wrap=True))
 
         def seas(record: Record, folder: Path) -> Iterator[Path]:
-            return seas_files.files(record, folder, lambda line: screen.print(line, soft_wrap=True), stations)
+            return seas_files.files(record, folder, lambda line: screen.print(line, soft_wrap=True), stations, ground)
 
         stations = seas_files.parse_stations(station or ())
-        if stations and format_ is not Format.seas:
-            raise RuptfxError(
-                f"export --station is for --format seas, not {format_.value}; remove it or use this format"
-            )
+        ground = seas_files.parse_off_fault(off_fault)
+        for option, value in (("station", station), ("off-fault", off_fault)):
+            if value and format_ is not Format.seas:
+                raise RuptfxError(
+                    f"export --{option} is for --format seas, not {format_.value}; remove it or use this format"
+                )
         folder = out or run / "export"
         with Record(run) as record, writing(folder, overwrite=overwrite) as files:
             write = {

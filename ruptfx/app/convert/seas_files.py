@@ -1,7 +1,8 @@
 """Cycles of a fault as text files of the SEAS code comparison, and the check of such files.
 
 A line gives the files of the benchmarks BP1 and BP3, time series down dip and profiles; a surface those of BP5: time
-series, `global.dat`, profiles along a line of strike and of dip, and the rupture times of the first event. Components 2
+series, `global.dat`, profiles along a line of strike and of dip, and the rupture times of the first event. On request
+both have the motion of stations off the fault (`ruptfx.app.convert.seas_ground`). Components 2
 and 3 are those of the record, along the positions and down dip, of the plus relative to the minus side. On a dipping
 line in plane motion slip is positive for a thrust.
 
@@ -14,12 +15,14 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from ruptfx import RuptfxError, __version__
+from ruptfx.app.convert.seas_ground import SMALL, ground_motion
 from ruptfx.input import quantities
 from ruptfx.results.analysis.surface import SurfaceInterpolation, is_surface, moment_rate
 
@@ -53,11 +56,15 @@ ON_LINE = {"slip": "Slip (m)", "slip_rate": "Slip rate (log10 m/s)", "shear_stre
 OF_SURFACE = {f"{name}_{axis}": f"{text.split(' (')[0]}_{axis} ({text.split(' (')[1]}"
               for name, text in list(ON_LINE.items())[:3] for axis in (2, 3)}  # fmt: skip
 GLOBAL = (TIME, ("max_slip_rate", "Max slip rate (log10 m/s)"), ("moment_rate", "Moment rate (N-m/s)"))
+MOTION = {"disp": "Displacement {} (m)", "vel": "Velocity {} (m/s)"}
 CONTOURS = (("x2", "x2 (m)"), ("x3", "x3 (m)"), ("t", f"Time (s), {NEVER:.1E} where it does not rupture"))
 LAYOUTS = (
     (r"(\w+_)?fltst_dp\d{3}\.dat", {("t", "slip", "slip_rate", "shear_stress", "state"),
                                     ("t", *ON_LINE, "state")}),
     (r"(\w+_)?fltst_strk[+-]\d\d+dp[+-]\d\d+\.dat", {("t", *OF_SURFACE, "state")}),
+    (r"(\w+_)?srfst_fn[+-]\d\d+\.dat", {("t", *(f"{name}_{axis}" for name in MOTION for axis in (1, 2)))}),
+    (r"(\w+_)?blkst_strk[+-]\d\d+fn[+-]\d\d+dp[+-]\d\d+\.dat",
+     {("t", *(f"{name}_{axis}" for name in MOTION for axis in (1, 2, 3)))}),
     (r"(\w+_)?global\.dat", {tuple(name for name, _ in GLOBAL)}),
     (r"(\w+_)?rupture\.dat", {tuple(name for name, _ in CONTOURS)}),
     (r"(\w+_)?(slip|shear_stress|normal_stress)\.dat", {("t", "max_slip_rate", name) for name in ON_LINE}),
@@ -65,8 +72,9 @@ LAYOUTS = (
      {("t", "max_slip_rate", f"{name}_{axis}") for name in ("slip", "shear_stress") for axis in (2, 3)}),
 )  # fmt: skip
 """Names of files, and the lines of fields that they may have."""
-BOUNDS = {"rate": (-35.0, 3.0), "stress": (-1e4, 1e4), "state": (-20.0, 20.0)}
-"""Least and largest plausible log10 of a slip rate in m/s, stress in MPa, and log10 of an age in s."""
+BOUNDS = {"rate": (-35.0, 3.0), "stress": (-1e4, 1e4), "state": (-20.0, 20.0), "disp": (-1e4, 1e4), "vel": (-1e2, 1e2)}
+"""Least and largest plausible log10 of a slip rate in m/s, stress in MPa, log10 of an age in s, displacement in m and
+velocity in m/s."""
 
 
 class Interpolation(Protocol):
@@ -193,8 +201,13 @@ def _down_dip(data: Data) -> tuple[Array, float]:
     return down, float(np.sign(across) * np.sign(up)) if dips else 1.0
 
 
-def parse_stations(texts: Sequence[str]) -> list[Station]:
+def parse_stations(texts: Sequence[str], option: str = "station", example: str = "-24 km, 10 km") -> list[Station]:
     """Return stations from text such as `7.5 km`, or `-24 km, 10 km` on a surface.
+
+    Parameters
+    ----------
+    option, example : str
+        Of the command and of a surface, for messages.
 
     Raises
     ------
@@ -203,15 +216,30 @@ def parse_stations(texts: Sequence[str]) -> list[Station]:
     try:
         return [tuple(quantities.parse(part.strip(), "m") for part in text.split(",")) for text in texts]
     except ValueError as error:
-        raise RuptfxError(f"export --station: {error}; on a surface two of them: '-24 km, 10 km'") from None
+        count = ("one", "two", "three")[example.count(",")]
+        raise RuptfxError(f"export --{option}: {error}; on a surface {count} of them: '{example}'") from None
+
+
+def parse_off_fault(texts: Sequence[str] | None) -> list[Station] | None:
+    """Return stations off the fault; none of the user's for `benchmark`, and None without text.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    if not texts:
+        return None
+    return [] if list(texts) == ["benchmark"] else parse_stations(texts, "off-fault", "-16 km, 8 km, 0 km")
 
 
 def files(
-    record: Record, folder: Path, note: Callable[[str], object] = print, stations: Sequence[Station] = ()
-) -> Iterator[Path]:
+    record: Record, folder: Path, note: Callable[[str], object] = print, stations: Sequence[Station] = (),
+    off_fault: Sequence[Station] | None = None,
+) -> Iterator[Path]:  # fmt: skip
     """Write the files of every interface, check them, and yield their paths.
 
-    `note` prints what is not written. Stations are by default those of the benchmarks that are on the fault.
+    `note` prints what is not written. Stations are by default those of the benchmarks that are on the fault. Stations
+    off the fault are written unless `off_fault` is None; without one they are those of the benchmarks in the bodies.
 
     Raises
     ------
@@ -228,7 +256,9 @@ def files(
             note(f"not written: {error}")
             continue
         prefix = "" if name == "main" or len(names) == 1 else f"{name}_"
-        for path in Writer(record, fault, folder, prefix).write(stations):
+        writer = Writer(record, fault, folder, prefix)
+        ground = iter(()) if off_fault is None else writer.ground(name, off_fault)
+        for path in chain(writer.write(stations), ground):
             check(path)
             yield path
 
@@ -296,7 +326,6 @@ class Writer:
         columns = self.fault.columns(stations)
         texts = OF_SURFACE if self.fault.axes else ON_LINE
         head = [TIME, *((name, texts[name]) for name in columns if name != "state"), STATE]
-        steps = np.diff(self.times) if len(self.times) > 1 else np.zeros(1)
         for number, station in enumerate(stations):
             kilometres = [x / 1e3 for x in station]
             if len(station) == 2:
@@ -305,9 +334,30 @@ class Writer:
             else:
                 name = f"fltst_dp{10 * kilometres[0]:03.0f}.dat"
                 place = f"on fault, {kilometres[0]:g} km down-dip distance"
-            entries = {"location": place, "minimum_time_step": f"{steps.min():.6g} s",
-                       "maximum_time_step": f"{steps.max():.6g} s", "num_time_steps": str(len(self.times))}  # fmt: skip
-            yield self._table(name, head, [self.times, *(each[:, number] for each in columns.values())], entries)
+            values = [self.times, *(each[:, number] for each in columns.values())]
+            yield self._table(name, head, values, self._of_times(place))
+
+    def _of_times(self, place: str) -> dict[str, str]:
+        """Return the entries of the header of a time series."""
+        steps = np.diff(self.times) if len(self.times) > 1 else np.zeros(1)
+        return {"location": place, "minimum_time_step": f"{steps.min():.6g} s",
+                "maximum_time_step": f"{steps.max():.6g} s", "num_time_steps": str(len(self.times))}  # fmt: skip
+
+    def ground(self, name: str, stations: Sequence[Station]) -> Iterator[Path]:
+        """Write the motion of stations off an interface, by default of the benchmarks; yield the paths.
+
+        Raises
+        ------
+        RuptfxError
+            Two stations have the same file, or one is not in the bodies.
+        """
+        _names_off_fault(stations)  # before the bodies are built
+        ground = ground_motion(self.record, name, stations)
+        names = _names_off_fault(ground.stations)
+        for (file, place), displacement, velocity in zip(names, ground.displacement, ground.velocity, strict=True):
+            axes = range(1, displacement.shape[1] + 1)
+            head = [TIME, *((f"{kind}_{axis}", text.format(axis)) for kind, text in MOTION.items() for axis in axes)]
+            yield self._table(file, head, [self.times, *displacement.T, *velocity.T], self._of_times(place))
 
     def _profiles(self, tail: str, axis: str, where: Array, places: list[Station]) -> Iterator[Path]:
         columns = self.fault.columns(places)
@@ -349,6 +399,33 @@ class Writer:
         formats = ["%21.13E", *["%14.6E"] * (rows.shape[1] - 1)]
         np.savetxt(path, rows + 0.0, fmt=formats, header="\n".join(lines), comments="")  # + 0.0: no -0.0
         return path
+
+
+def _names_off_fault(stations: Sequence[Station]) -> list[tuple[str, str]]:
+    """Return the file and the location of stations off the fault, in km, or in m as in BP7 where all are within 1 km.
+
+    Raises
+    ------
+    RuptfxError
+        Two stations have the same file.
+    """
+    in_metres = all(abs(x) < SMALL for station in stations for x in station)
+    unit, width, scale = ("m", 4, 1.0) if in_metres else ("km", 3, 1e3)
+    names: dict[str, tuple[Station, str]] = {}
+    for station in stations:
+        short = [x / scale for x in station]
+        words = [f"{x:+0{width}.0f}" for x in short]
+        file = ("srfst_fn{}.dat" if len(station) == 1 else "blkst_strk{}fn{}dp{}.dat").format(*words, *["+00"] * 3)
+        if file in names:
+            raise RuptfxError(
+                f"export --off-fault: {station} and {names[file][0]} m are both {file}; move one of them by 1 {unit}"
+            )
+        texts = [f"{x:g} {unit}" for x in short]
+        names[file] = station, (
+            f"on surface, {texts[0]} distance off-fault" if len(station) == 1
+            else ", ".join(f"{x} {y}" for x, y in zip(texts, ("along strike", "off fault", "depth"), strict=False))
+        )  # fmt: skip
+    return [(file, place) for file, (_, place) in names.items()]
 
 
 def check(path: Path) -> None:
@@ -440,5 +517,5 @@ def _check_units(path: Path, numbers: list[int], fields: Sequence[str], table: A
             row = int(outside[0])
             raise RuptfxError(
                 f"{path}, line {numbers[row]}: {name} = {table[row, column]:g} is not within {bounds[0]:g} to "
-                f"{bounds[1]:g}; use MPa, and log10 of slip rates in m/s and of ages in s"
+                f"{bounds[1]:g}; use m, m/s and MPa, and log10 of slip rates in m/s and of ages in s"
             )

@@ -7,18 +7,20 @@ g = g_F - S (t - k g) under tractions t; contact of compliance c has g = s + c t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from ruptfx import RuptfxError
+from ruptfx.bodies.space.inside import CellBoxes, Inside
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.memory import available
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.compliance import Compliance, Jumps, norm
 from ruptfx.stepping.implicit.condensed import blockwise_product, count_jumps
+from ruptfx.stepping.implicit.receivers import Receivers, rows_of
 from ruptfx.stepping.implicit.solvers import TOLERANCE
 
 if TYPE_CHECKING:
@@ -184,6 +186,39 @@ class LoadedBodies:
         internal = jumps.force(traction, len(u)) - self._model.internal_force(u)
         self._require_balance(u, internal, time)
         return u, internal
+
+    def receivers(self, points: Sequence[Sequence[float]], key: str) -> Receivers:
+        """Return receivers at points of the bodies [m], on one rank.
+
+        Raises
+        ------
+        CaseError
+            A point is outside of the bodies; the message begins with the key.
+        """
+        model, jumps, internal = self._model, self.jumps, self._model.internal_force
+        boxes = CellBoxes.of(model)
+        places = [Inside(model, point, None, key, boxes=boxes, first=True) for point in points]
+        rows = rows_of(model, places)
+        shape = rows.shape[:2]
+        answers = np.array([self.solve(row) for row in rows.reshape(shape[0] * shape[1], -1)])
+        pulls = np.array([(jumps.weight[:, None] * jumps.of(answer)).ravel() for answer in answers])
+        nothing = np.zeros((jumps.points, jumps.local))
+
+        def pulled(traction: np.ndarray, jump: np.ndarray) -> np.ndarray:
+            push = traction - blockwise_product(self._stuck, jump)
+            return -(pulls @ push.ravel()).reshape(shape)
+
+        def by_loads(time: float) -> np.ndarray:
+            load, moved = self._loads(time)
+            traction = self.held(self.loaded_jump(time))
+            answer = (answers @ (load + internal(moved))).reshape(shape) + rows @ moved
+            return np.asarray(answer + pulled(traction, self._compliance * traction - jumps.of(moved)))
+
+        def by_slip(slip: np.ndarray) -> np.ndarray:
+            traction = self.traction(nothing, slip)
+            return pulled(traction, np.pad(slip, self._normal) + self._compliance * traction)
+
+        return Receivers(by_loads, by_slip, model.case.duration)
 
     def _require_balance(self, u: np.ndarray, internal: np.ndarray, time: float) -> None:
         """Check that free nodes are in equilibrium after two linear solves; collective."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ruptfx.bodies.space.inside import CellBoxes, Inside
 from ruptfx.input.schema import CaseError
 from ruptfx.stepping.implicit.compliance import Jumps
 from ruptfx.stepping.implicit.loaded_bodies import IMMOBILE, compliance, time_of_loads
+from ruptfx.stepping.implicit.receivers import Receivers, rows_of
 from ruptfx.stepping.implicit.response import FaultResponse
 from ruptfx.stepping.implicit.strike_series import Loaded, StrikeSeries
 
@@ -107,7 +109,8 @@ class SeriesBodies:
         part = float(moved @ old) / square if square > 0 else 0.0
         if not np.allclose(moved, part * old, 1e-12, 0.0):
             return self.series.loaded(moved)
-        return Loaded(part * reference.traction, part * reference.jump, part**2 * reference.energy)
+        return Loaded(part * reference.traction, part * reference.jump, part**2 * reference.energy,
+                      part * reference.displacement)  # fmt: skip
 
     def loaded_jump(self, time: float) -> np.ndarray:
         """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]."""
@@ -152,6 +155,26 @@ class SeriesBodies:
             if not face.one_sided:
                 nodal[face.minus] = -vector
         return nodal.ravel(), np.zeros(nodal.size)
+
+    def receivers(self, points: Sequence[Sequence[float]], key: str) -> Receivers:
+        """Return receivers at points of the bodies [m], on one rank.
+
+        Raises
+        ------
+        CaseError
+            A point is outside of the bodies; the message begins with the key.
+        """
+        section, along = self._section, self._section.mesh_table.along_strike
+        assert along is not None
+        boxes = CellBoxes.of(section)
+        places = [Inside(section, point[:2], None, key, boxes=boxes, first=True) for point in points]
+        rows = rows_of(section, places)
+        strike = np.array([point[2] for point in points]) - along.positions[0]
+        motion = self.series.motion_by_slip(rows, strike)
+        return Receivers(
+            lambda time: np.asarray(rows @ self._loaded(time).displacement), lambda slip: motion(self._on_grid(slip)),
+            self._model.case.duration,
+        )  # fmt: skip
 
     def strain_energy(self, time: float, slip: np.ndarray, traction: np.ndarray) -> float:
         """Return the energy of the bodies of a period [J], without that of contact, from slip and T - T_0."""

@@ -10,7 +10,7 @@ the compliance c. Then T = P g_F - K s with P = (S (1 - kappa c) + c)^-1 and K =
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,11 +48,14 @@ class Loaded:
         g_F: with interfaces that are stuck with kappa [m].
     energy : float
         Of bodies and contact, per length of strike [J/m].
+    displacement : ndarray, shape (nodes * 3,)
+        Of the section [m].
     """
 
     traction: np.ndarray
     jump: np.ndarray
     energy: float
+    displacement: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -227,15 +230,17 @@ class StrikeSeries:
 
     def _compliance(self, k: float) -> tuple[np.ndarray, np.ndarray, Decomposed]:
         """Return S, A^-1 J' W over the unknowns, and the factors of A."""
+        factors = self._factors(k)
+        pull = (self.section.unknowns.T @ self._J.T @ diags(self.weight)).toarray(order="F")
+        answer = factors.solve_all(pull)
+        return self._J @ (self.section.unknowns @ answer), answer, factors
+
+    def _factors(self, k: float) -> Decomposed:
         A = self.stiffness(k)
         made: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
         integer = fem.PETSc.IntType
         rows = A.indptr.astype(integer), A.indices.astype(integer), A.data
-        matrix = made.createAIJ(A.shape, csr=rows, comm=fem.MPI.COMM_SELF)
-        factors = Decomposed(matrix)
-        pull = (self.section.unknowns.T @ self._J.T @ diags(self.weight)).toarray(order="F")
-        answer = factors.solve_all(pull)
-        return self._J @ (self.section.unknowns @ answer), answer, factors
+        return Decomposed(made.createAIJ(A.shape, csr=rows, comm=fem.MPI.COMM_SELF))
 
     @cached_property
     def _uniform(self) -> tuple[np.ndarray, np.ndarray, Decomposed]:
@@ -263,7 +268,45 @@ class StrikeSeries:
         jump = self._J @ (moved + free)
         traction = self.held(jump).ravel()
         u = moved + free - T @ (answer @ (traction - self._kappa * self._c * traction))
-        return Loaded(traction.reshape(-1, 3), jump.reshape(-1, 3), 0.5 * float(moved @ (K @ u)))
+        return Loaded(traction.reshape(-1, 3), jump.reshape(-1, 3), 0.5 * float(moved @ (K @ u)), u)
+
+    def motion_by_slip(self, rows: np.ndarray, strike: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Return a function from slip, as that of `traction`, to sums of displacements of the section; one rank.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (places, 3, nodes * 3)
+            Weights of the degrees of freedom, for the displacement along x, y and z of each place.
+        strike : ndarray, shape (places,)
+            Distance of each place from the first points along strike [m].
+        """
+        pull = (self.section.unknowns.T @ rows.reshape(-1, rows.shape[2]).T).astype(float)
+        table = np.stack([self._weights(k, pull, K) for k, K in zip(self.wavenumbers, self._matrices, strict=True)])
+        doubled = np.full(len(self.wavenumbers), 2.0)
+        doubled[0] = 1.0
+        if self.points % 2 == 0:
+            doubled[-1] = 1.0
+        wave = doubled[:, None] / self.points * np.exp(1j * self.wavenumbers[:, None] * strike)
+
+        def motion(slip: np.ndarray) -> np.ndarray:
+            amplitudes = scipy.fft.rfft(slip, axis=0)
+            amplitudes[..., 0] *= 1j
+            result = np.matmul(table, amplitudes.reshape(len(table), -1, 1)).reshape(len(table), -1, 3)
+            result[..., 2] *= -1j
+            return np.asarray(np.einsum("kp,kpc->pc", wave, result).real)
+
+        return motion
+
+    def _weights(self, k: float, pull: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+        """Return the weights of slip in sums of displacements, shape (sums, 2 points), of a wavenumber."""
+        factors = self._factors(k)
+        answer = self._J @ (self.section.unknowns @ factors.solve_all(pull))
+        factors.destroy()
+        shear = np.arange(3 * self.size).reshape(-1, 3)[:, 1:].ravel()
+        kept = slice(None) if self.has_opening else shear
+        by_traction = (self.weight * (1 - self._kappa * self._c))[kept]
+        of_slip = answer[shear].T * (self.weight * self._kappa)[shear]
+        return np.asarray(of_slip + (answer[kept].T * by_traction) @ matrix)
 
     def traction(self, slip: np.ndarray) -> np.ndarray:
         """Return K s, traction that slip takes away [Pa]; collective.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.faults.fault import Fault
     from ruptfx.interfaces.mechanisms.system import System
     from ruptfx.stepping.implicit.options import PetscOptions
+    from ruptfx.stepping.implicit.receivers import Receivers
     from ruptfx.stepping.implicit.strike_series import StrikeSeries
 
 OPENS = 0.01  # part of its initial normal stress below which a fault counts as opening
@@ -119,6 +120,10 @@ class QuasiDynamicMotion(SlowMotion["Attempt"]):
             )
         need_memory(self.model)
         return LoadedBodies(self.equilibrium, self._shear, self.greatest)
+
+    def receivers(self, points: Sequence[Sequence[float]], key: str) -> Receivers:
+        """Return receivers at points of the bodies [m], for messages about a key; on one rank."""
+        return self._bodies.receivers(points, key)
 
     def _first_step(self) -> float:
         fastest = self._of_all(lambda fault: self._carried_rate(fault, fault.initial_state()))
