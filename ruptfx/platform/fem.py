@@ -135,6 +135,7 @@ def finish() -> None:
 # shares the cache (network disk, image): each processor has its own folder.
 _MACHINE = hashlib.sha256(native._processor().encode()).hexdigest()[:12]
 _FORMS = native.cache_directory() / f"forms-{_MACHINE}"
+ZERO = 1e-12  # entry of an interpolation between elements that is rounding
 JIT_OPTIONS = {
     "cffi_extra_compile_args": ["-O3", f"-march={native.target()}"],
     "cache_dir": str(_FORMS),
@@ -420,12 +421,21 @@ def nodal_matrix(
 
 
 def interpolation(coarse: dolfinx.fem.FunctionSpace, fine: dolfinx.fem.FunctionSpace) -> PETSc.Mat:
-    """Return the interpolation from one space to another of the same mesh as an AIJ matrix; collective."""
+    """Return the interpolation from one space to another of the same mesh as an AIJ matrix; collective.
+
+    DOLFINx stores dense blocks of elements; their zeros, eleven of twelve entries from order 1 to 2, are left out.
+    """
     never_freed = dolfinx.fem.petsc.interpolation_matrix(coarse, fine)  # DOLFINx counts a reference too many
     made: Any = copy.copy(never_freed)
     never_freed.destroy()
     made.assemble()
-    return made
+    start, column, value = made.getValuesCSR()
+    kept = np.abs(value) > ZERO
+    start = np.concatenate([[0], np.cumsum(kept)])[start].astype(start.dtype)
+    result: Any = PETSc.Mat()
+    result.createAIJ(made.getSizes(), csr=(start, column[kept], value[kept]), comm=made.comm)
+    made.destroy()
+    return result
 
 
 def local_matrix(form: Any) -> csr_matrix:

@@ -25,6 +25,7 @@ from ruptfx.platform.memory import available
 from ruptfx.run import stages
 from ruptfx.run.cost import counts, measured, need_memory, rehearse
 from ruptfx.run.model import Model
+from ruptfx.stepping.implicit import preconditioners
 from ruptfx.stepping.implicit.condensed import count_jumps
 from ruptfx.stepping.implicit.iterated import PER_UNKNOWN
 from ruptfx.stepping.implicit.loaded_bodies import matrix_bytes
@@ -97,8 +98,9 @@ def preflight(case: Case) -> Iterator[Row]:
 
 
 def _work_rows(model: Model) -> Iterator[Row]:
-    """Yield what the matrices of slip and traction will take, before they are computed."""
+    """Yield what the matrices of slip and traction will take, and levels of multigrid, before they are computed."""
     if model.section is None:
+        yield from _level_rows(model)
         if isinstance(model.case.stepper, QuasiDynamic):
             yield Row("components of jumps", count_jumps(model), "", "each a solution of the bodies", early=True)
             yield Row("memory of their matrices", matrix_bytes(model), "B", "at most, on every rank", early=True)
@@ -117,6 +119,16 @@ def _work_rows(model: Model) -> Iterator[Row]:
     note = f"{work.wavenumbers} wavenumbers, each a system of {work.unknowns} unknowns"
     yield Row(f"{key}: solutions of a wavenumber", work.columns, "", note, early=True)
     yield Row(f"{key}: time of the matrices", work.seconds, "s", "of one core; none where they are stored", early=True)
+
+
+def _level_rows(model: Model) -> Iterator[Row]:
+    """Yield the memory of the levels of multigrid, on which bodies of implicit steps are solved."""
+    if "implicit" not in model.case.stepper.time_schemes:
+        return
+    kind = preconditioners.choose(model, getattr(model.case.stepper, "petsc_options", {}))
+    for level in kind.sizes(model):
+        note = f"of all ranks, estimated; {level.unknowns} unknowns"
+        yield Row(f"multigrid: memory of order {level.order}", level.bytes, "B", note, early=True)
 
 
 def _iteration_rows(model: Model, solutions: int) -> Iterator[Row]:

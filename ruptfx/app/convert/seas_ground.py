@@ -84,7 +84,7 @@ def ground_motion(record: Record, name: str, stations: Sequence[Station]) -> Gro
     turn = place.turned
     displacement = [turn(receivers.displacement(t, s)) for t, s in zip(times.tolist(), slip, strict=True)]
     velocity = [turn(receivers.velocity(t, v)) for t, v in zip(times.tolist(), rate, strict=True)]
-    return Ground(wanted, *(np.moveaxis(np.array(each), 0, 1) for each in (displacement, velocity)))
+    return Ground(wanted, np.moveaxis(np.array(displacement), 0, 1), np.moveaxis(np.array(velocity), 0, 1))
 
 
 def _gathered(record: Record, model: Model, field: str) -> Array:
@@ -135,10 +135,10 @@ class _Places:
             raise RuptfxError(
                 f"export --off-fault has {len(station)} positions, and this interface needs {count}; write {example}"
             )
-        strike, off, depth = station if self.surface else (None, station[0], 0.0)
+        off, depth = (station[1], station[2]) if self.surface else (station[0], 0.0)
         aside = off if off != 0 else float(np.copysign(self.aside, off))
-        point = (self.first + aside * self.off + depth * self.down).tolist()
-        return [*point, strike] if strike is not None else point
+        point: list[float] = (self.first + aside * self.off + depth * self.down).tolist()
+        return [*point, station[0]] if self.surface else point
 
     def of_benchmarks(self) -> list[Station]:
         """Return the stations of the benchmarks that are in the bodies.

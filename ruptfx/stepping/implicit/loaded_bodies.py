@@ -206,7 +206,7 @@ class LoadedBodies:
 
         def pulled(traction: np.ndarray, jump: np.ndarray) -> np.ndarray:
             push = traction - blockwise_product(self._stuck, jump)
-            return -(pulls @ push.ravel()).reshape(shape)
+            return np.asarray(-(pulls @ push.ravel()).reshape(shape))
 
         def by_loads(time: float) -> np.ndarray:
             load, moved = self._loads(time)

@@ -39,13 +39,14 @@ class Receivers:
 
     def displacement(self, time: float, slip: Array) -> Array:
         """Return the displacement [m], shape (receivers, components), of slip at a time."""
-        return self.by_loads(time) + self.by_slip(slip)
+        return np.asarray(self.by_loads(time) + self.by_slip(slip))
 
     def velocity(self, time: float, slip_rate: Array) -> Array:
         """Return the velocity [m/s], shape (receivers, components), of slip rates at a time."""
         step = PART * self.duration
         first = max(time - 0.5 * step, 0.0)
-        return (self.by_loads(first + step) - self.by_loads(first)) / step + self.by_slip(slip_rate)
+        by_loads = (self.by_loads(first + step) - self.by_loads(first)) / step
+        return np.asarray(by_loads + self.by_slip(slip_rate))
 
 
 def rows_of(model: Discretisation, places: Sequence[Inside]) -> Array:

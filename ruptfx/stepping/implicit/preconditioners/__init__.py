@@ -10,7 +10,7 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,23 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
 
 BELOW = 0.1  # part of the tolerated residual of a step that a linear solution may leave
+
+
+class LevelSize(NamedTuple):
+    """Size of a level of multigrid, estimated before it is made.
+
+    Attributes
+    ----------
+    order : int
+        Of the elements.
+    unknowns : int
+    bytes : float
+        Of matrices, vectors and, on the coarsest level, factors, all ranks together.
+    """
+
+    order: int
+    unknowns: int
+    bytes: float
 
 
 class Preconditioner:
@@ -54,6 +71,11 @@ class Preconditioner:
     def suits(cls, model: System) -> bool:
         """Return whether it is a good choice for a model for which it can be used; collective."""
         return True
+
+    @classmethod
+    def sizes(cls, model: System) -> list[LevelSize]:
+        """Return the sizes of levels that it makes from the model on, from the finest on; collective."""
+        return []
 
     @classmethod
     def make_tangent(cls, model: System, dashpot: np.ndarray) -> Tangent:

@@ -19,7 +19,7 @@ from ruptfx.bodies.operators.geometry import jacobian_at
 from ruptfx.interfaces.mechanisms import responding
 from ruptfx.platform import fem, parallel
 from ruptfx.stepping.implicit.options import PetscOptions
-from ruptfx.stepping.implicit.preconditioners import Preconditioner
+from ruptfx.stepping.implicit.preconditioners import LevelSize, Preconditioner
 from ruptfx.stepping.implicit.preconditioners._levels import Level, make_levels
 from ruptfx.stepping.implicit.preconditioners.lu import factorise, fits
 from ruptfx.stepping.implicit.tangent import Tangent
@@ -33,6 +33,12 @@ if TYPE_CHECKING:
 
 CYCLES = 3  # of GAMG in a solution of order 1 that is not factorised
 LEAST, MOST = 5, 12  # products with the matrix before and after every correction by a coarser level
+
+
+ENTRY = 12  # bytes of an entry of a sparse matrix
+VECTORS = 45  # of a level: those of the smoother and of its eigenvalues, diagonals, coordinates; as measured
+FACTORS = {2: (100.0, 1.15), 3: (400.0, 4 / 3)}
+"""By dimension c and p of the bytes c n^p of the factors of n unknowns of order 1; in 3D as measured."""
 
 
 class MatrixFreeTangent(Tangent):
@@ -85,6 +91,7 @@ class Mg(Preconditioner):
     unsymmetric: ClassVar[str] = "fgmres"
     defaults: ClassVar[PetscOptions] = {
         "mg_levels_ksp_chebyshev_kind": "opt_fourth", "mg_levels_esteig_ksp_max_it": 10,
+        "mg_coarse_pc_gamg_threshold": 0.02,  # without it soft contact takes 18 iterations in place of 11
         "mg_coarse_pc_gamg_reuse_interpolation": False,  # the unknowns may change with the matrix
     }  # fmt: skip
 
@@ -95,6 +102,28 @@ class Mg(Preconditioner):
         if responding(model.mechanisms):
             return "levels of lower order know neither attachments nor materials with memory"
         return "" if is_linear(model.bulk) else "levels of lower order need materials whose stiffness is constant"
+
+    @classmethod
+    def sizes(cls, model: System) -> list[LevelSize]:
+        topology, c = model.mesh.topology, model.components
+        dim, counts, order = topology.dim, [], model.order
+        for entities in range(topology.dim + 1):
+            topology.create_entities(entities)
+            counts.append(topology.index_map(entities).size_global)
+        levels = []
+        while order >= 1:
+            nodes = sum(count * (order - 1) ** entities for entities, count in enumerate(counts))
+            unknowns = nodes * c
+            size = float(unknowns * 8 * VECTORS + counts[-1] * (order + 1) ** dim * 4)
+            if order > 1:
+                size += unknowns * ENTRY * (c + _entries_of_interpolation(order) ** dim)
+            else:
+                matrix = unknowns * ENTRY * c * 3**dim
+                factor, power = FACTORS[dim]
+                size += 3 * matrix + (factor * unknowns**power if fits(model, unknowns) else 2 * matrix)
+            levels.append(LevelSize(order, unknowns, size))
+            order //= 2
+        return levels
 
     @classmethod
     def make_tangent(cls, model: System, dashpot: np.ndarray) -> MatrixFreeTangent:
@@ -130,6 +159,13 @@ class Mg(Preconditioner):
             solver.setTolerances(max_it=CYCLES, rtol=0.0)
             solver.setNormType(norms.NONE)
             solver.getPC().setType("gamg")
+
+
+def _entries_of_interpolation(order: int) -> float:
+    """Return the mean number of nodes of half the order along a line from which a node is interpolated."""
+    coarse = order // 2
+    shared = 1 + (order % 2 == 0 and coarse % 2 == 0)  # a corner, and the middle where both have a node there
+    return (shared + (order - shared) * (coarse + 1)) / order
 
 
 def _mean_aspect_ratio(model: System) -> float:
