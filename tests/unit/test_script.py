@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ruptfx.app.script import begin, save, save_numbers
+from ruptfx.app.script import begin, read_number, read_words, save, save_numbers
 
 
 @pytest.fixture
@@ -64,3 +64,18 @@ def test_numbers_are_saved_and_printed_with_their_units(
         "Q: 19 1/s",
         "c: 1792 m/s",
     ]
+
+
+@pytest.mark.parametrize(("program", "words"), [("demo.py", ["-f", "kernel.json"]), ("ipykernel_launcher.py", [])])
+def test_words_of_a_notebook_are_not_those_of_its_script(
+    program: str, words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first cell of a demo as a notebook says that the file is the script."""
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "demo.py", raising=False)
+    monkeypatch.setattr(sys, "argv", [program, "-f", "kernel.json"])
+    assert read_words() == words
+
+
+def test_a_number_may_have_a_unit() -> None:
+    assert [read_number(text, "size", "m") for text in ("2e-3", "2 mm", "2mm")] == [2e-3] * 3
