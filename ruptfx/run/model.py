@@ -226,15 +226,14 @@ class Model(System):
         """
         force = np.empty_like(displacement) if out is None else out
         force[:] = 0
-        (self._operator_at_rest if at_rest else self.operator).add_internal_force(displacement, force)
+        small = at_rest and self.bulk.large_rotations
+        (self._operator_at_rest if small else self.operator).add_internal_force(displacement, force)
         self.layout.sum_shared(force)
         self.loads.add_support_force(displacement, force)
         return force
 
     @cached_property
     def _operator_at_rest(self) -> operators.Operator:
-        if not self.bulk.large_rotations:
-            return self.operator
         return operators.create(self.case.operator, replace(self.bulk, large_rotations=False), self.case.loaded)
 
     def in_steps(self, way: Way) -> Self:

@@ -32,11 +32,12 @@ from ruptfx.stepping.implicit.loaded_bodies import matrix_bytes
 from ruptfx.stepping.implicit.solvers import is_factorised
 from ruptfx.stepping.implicit.strike_series import work_of
 from ruptfx.stepping.implicit.surfaces import count_components
-from ruptfx.stepping.steppers import Motion, leapfrog
+from ruptfx.stepping.steppers import Motion, leapfrog, local_leapfrog
 from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamic, SeriesMotion
 from ruptfx.stepping.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
+WORTH_A_NOTE = 0.67  # part of the work of equal steps below which local time steps are proposed
 ALIKE = 1e-9  # relative difference of moduli and wave speeds of bodies that count as identical
 
 
@@ -83,6 +84,7 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
     else:
         yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
+    yield from _substep_rows(model, motion)
     yield from load_rows(case)
     yield from stress_rows(model)
     plan = Plan(motion.dt, steps, stable, stages.loads_of(model, motion))
@@ -95,6 +97,22 @@ def preflight(case: Case) -> Iterator[Row]:
     yield from (row_of(doubt) for doubt in doubts(model))
     yield from _record_rows(case, steps)
     yield from _cost(model, motion, steps, started, built)
+
+
+def _substep_rows(model: Model, motion: Motion) -> Iterator[Row]:
+    """Yield what local time steps do, or would do in a case that has the same step for all elements."""
+    if isinstance(motion, local_leapfrog.LocalMotion):
+        clusters = motion.clusters
+        note = f"in a step, of {clusters.share:.2g} of the elements: {clusters.work:.2g} of the work of equal steps"
+        yield Row("substeps", clusters.substeps, "", note)
+    elif isinstance(motion, leapfrog.LeapfrogMotion):
+        clusters = local_leapfrog.possible(model)
+        if clusters.work < WORTH_A_NOTE:
+            note = (
+                f"the smallest elements, this part of all, make the run {1 / clusters.work:.2g} times longer; use "
+                "stepper.kind = 'local_leapfrog'"
+            )
+            yield Row("elements that set the step", clusters.share, "", note)
 
 
 def _work_rows(model: Model) -> Iterator[Row]:

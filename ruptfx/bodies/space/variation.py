@@ -79,6 +79,7 @@ class Variation:
         speeds = self.evaluate(lambda material, number: self.impedance(
             material, number, True, self.references[number].wave_speeds(plane).c_p * self.references[number].density
         ) / material.density)  # fmt: skip
+        self.speed_of_cells = speeds.max(axis=1)
         self.fastest = np.array([
             parallel.largest(space.mesh.comm, float(speeds[cell_body == number].max(initial=0.0)))
             for number in range(len(self.given))

@@ -141,6 +141,7 @@ class Attached(Mechanism, ImplicitForce):
     """
 
     fields: ClassVar[tuple[PointField, ...]] = ()
+    local_steps = True
 
     def __init__(self, model: System, name: str, nodes: Integers) -> None:
         super().__init__(model)

@@ -197,6 +197,8 @@ class ExplicitPhases(Acting):
 
     adjoint: ClassVar[bool] = False
     """Whether the sweeps of `ruptfx.many_runs.adjoint` contain it."""
+    local_steps: ClassVar[bool] = False
+    """Whether it acts in local time steps: in every substep, with the forces of elements at some nodes as impulses."""
     rounds_as_kernel: bool = False
     damped: Damped | None = None
     inelastic: Inelastic | None = None
@@ -204,6 +206,10 @@ class ExplicitPhases(Acting):
     def nodes(self) -> NDArray[np.bool_]:
         """Return a mask of the nodes that the stepper advances instead of the bulk kernel, shape (nodes,)."""
         return np.zeros(self.model.nodes, dtype=bool)
+
+    def smooth_nodes(self) -> NDArray[np.bool_]:
+        """Return a mask of the nodes whose elements must act in every substep of local time steps, shape (nodes,)."""
+        return self.nodes()
 
     def bind(self, stepped: SteppedNodes) -> None:
         """Prepare arrays for steps of one size."""

@@ -25,7 +25,7 @@ class FaultForces(Faults):
     """
 
     order = 10
-    adjoint = False
+    adjoint = local_steps = False
 
     @classmethod
     def of(cls, model: System) -> list[Fault]:

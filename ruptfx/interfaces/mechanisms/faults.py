@@ -37,7 +37,7 @@ class Faults(Mechanism):
     """
 
     order = 60
-    adjoint = True
+    adjoint = local_steps = True
 
     def __init__(self, model: System) -> None:
         super().__init__(model)

@@ -25,7 +25,7 @@ class InterfaceFields(Mechanism):
     """Fields of interfaces: planned before the tractions of a step are computed, completed after it."""
 
     order = 98
-    adjoint = True
+    adjoint = local_steps = True
 
     def __init__(self, model: System) -> None:
         super().__init__(model)

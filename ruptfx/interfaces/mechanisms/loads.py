@@ -19,7 +19,7 @@ class Supports(Mechanism):
     """Elastic supports of edges, whose energy is part of the strain energy."""
 
     order = 30
-    adjoint = True
+    adjoint = local_steps = True
 
     @classmethod
     def present(cls, model: System) -> bool:
@@ -33,7 +33,7 @@ class Loads(Mechanism):
     """Applied forces and prescribed motion; dashpots are in the update of the stepped nodes."""
 
     order = 50
-    adjoint = True
+    adjoint = local_steps = True
 
     def __init__(self, model: System) -> None:
         super().__init__(model)
@@ -43,6 +43,10 @@ class Loads(Mechanism):
 
     def nodes(self) -> NDArray[np.bool_]:
         return np.asarray(self.model.loads.acting.reshape(-1, self.model.components).any(axis=1))
+
+    def smooth_nodes(self) -> NDArray[np.bool_]:
+        # Dashpots and loads are linear in the velocity: impulses of elements act between them.
+        return np.zeros(self.model.nodes, dtype=bool)
 
     def bind(self, stepped: SteppedNodes) -> None:
         # For every load the places of its degrees of freedom, and its forces at those that this rank counts.

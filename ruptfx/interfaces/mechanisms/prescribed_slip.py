@@ -32,6 +32,7 @@ class PrescribedSlips(Mechanism):
         Energy(PRESCRIBED, "energy that prescribed slip takes from the bodies, negative if it drives", "dissipated"),
     )
     adjoint = False
+    local_steps = True
 
     def __init__(self, model: System) -> None:
         super().__init__(model)

@@ -30,7 +30,7 @@ class SlidingFaults(Faults):
     """
 
     order = 70
-    adjoint = False
+    adjoint = local_steps = False
 
     def __init__(self, model: System) -> None:
         super().__init__(model)

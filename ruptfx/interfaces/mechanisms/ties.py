@@ -19,6 +19,7 @@ class Ties(Mechanism):
     """Tied nodes have the sum of both forces and the velocity of the first."""
 
     order = 80
+    local_steps = True
 
     @classmethod
     def present(cls, model: System) -> bool:

@@ -100,7 +100,7 @@ class ViscousLayer(InsertedForce):
     """
 
     order = 20
-    adjoint = True
+    adjoint = local_steps = True
 
     def __init__(self, model: System) -> None:
         super().__init__(model)
@@ -117,6 +117,10 @@ class ViscousLayer(InsertedForce):
             and isinstance(model.operator, FusedOperator) and isinstance(viscosity.operator, LayerOperator)
             and not any(material.has_memory() for material in model.materials)
         )  # fmt: skip
+
+    def smooth_nodes(self) -> NDArray[np.bool_]:
+        assert self.model.viscosity is not None
+        return self.model.viscosity.nodes
 
     def bind(self, stepped: SteppedNodes) -> None:
         super().bind(stepped)

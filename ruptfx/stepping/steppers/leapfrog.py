@@ -102,14 +102,21 @@ class LeapfrogMotion:
         [s]
     mechanisms : list of Mechanism
     nodes : SteppedNodes
+
+    Parameters
+    ----------
+    also : ndarray of bool, shape (nodes,), optional
+        Further nodes that the bulk kernel leaves to `SteppedNodes`.
     """
 
     collective = False
 
-    def __init__(self, model: System, dt: float) -> None:
-        self.model, self.dt = model, dt
+    def __init__(self, model: System, dt: float, also: NDArray[np.bool_] | None = None) -> None:
+        self.model, self.dt, self._kick_dt = model, dt, dt
         self.mechanisms = mechanisms = mechanisms_of(model)
         stepped = np.any([model.layout.shared, *(each.nodes() for each in mechanisms)], axis=0)
+        if also is not None:
+            stepped |= also
         self._fused = model.operator if isinstance(model.operator, FusedOperator) else None
         self._damped = next((each.damped for each in mechanisms if each.damped is not None), None)
         self._inelastic = next((each.inelastic for each in mechanisms if each.inelastic is not None), None)
@@ -141,17 +148,26 @@ class LeapfrogMotion:
         RuptfxError
             On the rank where a mechanism fails, once the step is complete: other ranks wait for its messages.
         """
+        try:
+            self._kick_and_drift(state)
+        finally:
+            state.step += 1
+        self._raise_kept()
+
+    def _kick_and_drift(self, state: State) -> None:
+        """Let all forces act once, and move displacements and the time on by the time between kicks."""
         number = 0 if state.lag == 0 else 1 if state.numbers.pop("started", 0.0) else 2
         try:
             self._advance(state, self.nodes.kicks[number])
         finally:
-            state.step += 1
-            state.time += self.dt
-            state.numbers["lag"] = self.dt
+            state.time += self._kick_dt
+            state.numbers["lag"] = self._kick_dt
         if number == 0:
             state.numbers["started"] = 1.0
             for correct in self._started:
-                correct(state, self.dt)
+                correct(state, self._kick_dt)
+
+    def _raise_kept(self) -> None:
         error, self._error = self._error, None
         if error is not None:
             raise error
@@ -202,7 +218,7 @@ class LeapfrogMotion:
 
         The elements at nodes of other ranks come first; their contributions are sent while the others are computed.
         """
-        how = state.displacement, state.velocity, state.force, kick.plain_push, self.dt, kick.plain_keep
+        how = state.displacement, state.velocity, state.force, kick.plain_push, self._kick_dt, kick.plain_keep
         squares = 0.0
         if self._fused:
             squares += self._fused.step(*how, energy, self._damped, self._inelastic, "boundary")
@@ -234,7 +250,7 @@ class LeapfrogMotion:
         """
         nodes = self.nodes
         velocity = state.velocity[nodes.index]
-        over = state.displacement if stored is None else self.dt * state.velocity
+        over = state.displacement if stored is None else self._kick_dt * state.velocity
         kinetic = kick.plain_mass * plain[0] + (nodes.once * nodes.mass * velocity) @ velocity
         work = plain[1] + (nodes.owned * internal) @ over[nodes.index]
         for dofs, values in outside:
