@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from ruptfx import simulate
 from ruptfx.bodies.meshes.two_plates import TwoPlates
 from ruptfx.case import Case
 from ruptfx.case.support import UnsupportedError
-from ruptfx.input.schema import CaseError
+from ruptfx.input.schema import CaseError, alternatives
 from ruptfx.platform import fem, parallel
 from ruptfx.run import simulation
 from ruptfx.run.model import Model
@@ -27,6 +28,11 @@ from ruptfx.stepping.steppers.leapfrog import LeapfrogMotion
 from ruptfx.stepping.steppers.local_leapfrog import LocalMotion
 
 pytestmark = pytest.mark.fem
+
+ATTACHED = [
+    {**tomllib.loads(f"example = {cls.example}")["example"], "edge": "lower.right"}
+    for cls in alternatives("ruptfx.interfaces.attachments").values()
+]
 
 LOCAL = {"kind": "local_leapfrog", "substeps": 5}
 EVERYTHING = [
@@ -103,8 +109,10 @@ def test_impulses_beside_small_elements_are_unstable(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("contact", [SPLIT, COMPLIANT], ids=["split", "compliant"])
-@pytest.mark.parametrize("changes", [{}, {"damping": {"kelvin_voigt": {"fraction": 0.2}}}, {"precision": "single"}],
-                         ids=["plain", "viscous layer", "single"])  # fmt: skip
+@pytest.mark.parametrize("changes", [
+    {}, {"damping": {"kelvin_voigt": {"fraction": 0.2}}}, {"precision": "single"},
+    {"attachments": ATTACHED},
+], ids=["plain", "viscous layer", "single", "attachments"])  # fmt: skip
 def test_slip_is_that_of_small_steps(contact: dict[str, Any], changes: dict[str, Any]) -> None:
     """A rupture that crosses both clusters, driven, loaded, absorbed; the budget closes as the stepper says."""
     busy = thin(LOCAL, {**RUPTURE, **changes, "faults.main.contact": contact, "boundaries": EVERYTHING})
@@ -165,7 +173,7 @@ def test_a_stopped_run_goes_on_bitwise(tmp_path: Path, monkeypatch: pytest.Monke
     calls = iter(range(1000))
     with monkeypatch.context() as patch:
         patch.setattr(simulation.Signals, "anywhere", lambda self, comm: "SIGTERM" if next(calls) == 30 else "")
-        with pytest.raises(simulation.Interrupted, match="step 31"):
+        with pytest.raises(simulation.Interrupted, match=facts("step 31")):
             simulate(given, tmp_path / "stopped", progress=False)
     assert steps > 60
     with simulate(given, tmp_path / "stopped", progress=False, resume=True) as resumed:
