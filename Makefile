@@ -96,7 +96,7 @@ docker: ## build the image and run the demo in it, as you, with files in ./out
 	mkdir -p out
 	docker run --rm --user "$$(id -u):$$(id -g)" -v "$$PWD/out:/out" ruptfx
 
-release: env ## wheel, source archive, SBOM, licences and checksums in dist/, tried in a fresh environment
+release: env ## wheel, source archive, SBOM, licences and checksums in dist/, tried in a fresh environment; IMAGE=1: the image, too
 	.ci/release
 
 clean: ## remove .venv, caches and runs/demo; other runs stay

@@ -197,9 +197,9 @@ CONDA_NAMES = {"dolfinx-solver-real": "fenics-dolfinx", "gmsh": "python-gmsh", "
 
 def test_conda_recipe_has_the_dependencies_of_the_project():
     yaml = pytest.importorskip("yaml")
-    recipe = yaml.safe_load((ROOT / ".ci" / "conda" / "meta.yaml").read_text())
+    recipe = yaml.safe_load((ROOT / ".ci" / "conda" / "recipe.yaml").read_text())
     assert recipe["package"] == {"name": PROJECT["name"], "version": PROJECT["version"]}
-    assert recipe["build"]["entry_points"] == ["ruptfx = " + PROJECT["scripts"]["ruptfx"]]
+    assert recipe["build"]["python"]["entry_points"] == ["ruptfx = " + PROJECT["scripts"]["ruptfx"]]
     assert recipe["about"]["summary"] == PROJECT["description"]
     given = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["fem"]]
     wanted = set()
