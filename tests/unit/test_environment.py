@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import re
 import shutil
@@ -190,6 +191,26 @@ def test_image_has_the_version_as_tag_and_label():
     text = (ROOT / "Dockerfile").read_text()
     assert f"org.opencontainers.image.version={PROJECT['version']}" in text
     assert f"docker build -t ruptfx:{PROJECT['version']} " in text
+
+
+def test_an_archive_of_the_image_has_the_version_as_its_tag(tmp_path: Path):
+    """With a program in the place of Docker, which prints what it is called with."""
+    script(tmp_path, "docker", f'echo "$@" >>{tmp_path}/calls; [ "$1" != save ] || echo layers')
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+
+    def image(*arguments: object) -> subprocess.CompletedProcess[str]:
+        command = [str(ROOT / ".ci" / "image"), *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, timeout=60, env=environment, check=False)
+
+    archive, name = tmp_path / "image.tar.gz", f"ruptfx:{PROJECT['version']}"
+    for action in ("save", "load"):
+        assert "an archive is missing" in image(action).stderr
+        assert image(action, archive).returncode == 0
+    assert gzip.decompress(archive.read_bytes()) == b"layers\n"
+    tag, save, load, back = (line for line in (tmp_path / "calls").read_text().splitlines() if line != "info")
+    own = tag.split()[1]
+    assert own.startswith("ruptfx-ci:") and (tag, back) == (f"tag {own} {name}", f"tag {name} {own}")
+    assert (save, load) == (f"save {name}", f"load --quiet --input {archive}")
 
 
 CONDA_NAMES = {"dolfinx-solver-real": "fenics-dolfinx", "gmsh": "python-gmsh", "matplotlib": "matplotlib-base"}
