@@ -34,7 +34,7 @@ def test_version_is_written_the_same_everywhere():
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_a_release_needs_a_clean_checkout(tmp_path):
-    """Uncommitted files, and a version that the list of changes does not name, are refused before anything is built."""
+    """Uncommitted files, and changes without the version of the release, are refused before anything is built."""
     (tmp_path / ".ci").mkdir()
     shutil.copy(ROOT / ".ci" / "release", tmp_path / ".ci")
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
@@ -51,7 +51,10 @@ def test_a_release_needs_a_clean_checkout(tmp_path):
     assert "commit" in release()
     subprocess.run([*git, "add", "."], check=True)
     subprocess.run([*git, "commit", "-q", "-m", "all"], check=True)
-    assert f"## {PROJECT['version']} (DATE)" in release()
+    assert f"has no section '## {PROJECT['version']} (DATE)'" in release()
+    (tmp_path / "CHANGELOG.md").write_text(f"## Unreleased\n\n## {PROJECT['version']} (2026-01-01)\n")
+    subprocess.run([*git, "commit", "-q", "-a", "-m", "changes"], check=True)
+    assert "has a section Unreleased" in release()
 
 
 @pytest.mark.skipif(find_spec("mpi4py") is None, reason="needs mpi4py")
