@@ -8,7 +8,8 @@
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`, after one of a row for each benchmark.
 - ``{ruptfx-problems} FILE``: the verification problems of a TOML file, each with picture, source, error and verdict.
 - ``{ruptfx-sources} NAME``: what a document prints, and what is computed here.
-- ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: rates, steps, phases, aims or checks.
+- ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: choice, rates, steps, phases, aims or
+  checks; sizes or ranks of `ruptfx bench scaling`.
 - ``{ruptfx-time}`DEMO` ``, in a line: the time of a demo that `ruptfx bench demo_times` found.
 """
 
@@ -464,7 +465,16 @@ class Speed(Directive):
                 if "order" in row and row["ranks"] == 1 and (row["asked"] in RATES or row["geometry"] == "general")
             ]  # fmt: skip
             return [table(("elements", "nodes", "node updates per second and core"), rows, (50, 20, 30), literal=0)]
-        if self.arguments[1] == "steps":
+        if self.arguments[1] == "choice":
+            precision = json.loads(path.with_name("precision.json").read_text())
+            whole = [json.loads(each.read_text()) for each in sorted(path.parent.glob("tpv5_time*.json"))]
+            chosen = _speed_tables.choice_rows(saved, precision, whole)
+            return [table(_speed_tables.CHOICE, chosen, (50, 15, 15, 20), literal=0)]
+        if self.arguments[1] == "sizes":
+            header, rows = _speed_tables.SIZES, _speed_tables.size_rows(saved["rows"])
+        elif self.arguments[1] == "ranks":
+            header, rows = _speed_tables.RANKS, _speed_tables.rank_rows(saved["rows"])
+        elif self.arguments[1] == "steps":
             header, rows = _speed_tables.STEPS, _speed_tables.step_rows(saved["rows"])
         else:
             header, rows = _speed_tables.phase_table(saved["rows"])

@@ -13,7 +13,19 @@ from benchmarks import mode_map
 from ruptfx import RuptfxError
 from ruptfx.app.bench import Check, speed
 from ruptfx.app.bench._parts import Parts
-from ruptfx.app.bench._speed_tables import FIRST, STEPS, aim_rows, phase_table, step_rows
+from ruptfx.app.bench._speed_tables import (
+    CHOICE,
+    FIRST,
+    RANKS,
+    SIZES,
+    STEPS,
+    aim_rows,
+    choice_rows,
+    phase_table,
+    rank_rows,
+    size_rows,
+    step_rows,
+)
 from ruptfx.app.bench._timings import fault_case
 from ruptfx.app.bench._whole_runs import _checks, _phases, _run
 
@@ -56,6 +68,41 @@ def test_tables_are_of_the_saved_rows() -> None:
         "x ufl_form": "17", "x stock ufl": "23", "x PETSc": "25.0", "of bandwidth": "28%", "interface": "9.4%",
         "x double": "1.21", "speed-up": "",
     }  # fmt: skip
+
+
+def test_choice_of_a_precision_is_of_saved_results() -> None:
+    row = {
+        "dim": 3, "order": 4, "geometry": "affine", "asked": 1_000_000, "ranks": 1, "bytes_per_node": 90.9,
+        "node_updates_per_second_per_core": 50e6,
+    }  # fmt: skip
+    measured = {**row, "geometry": "general", "ratio_of_single": 1.6, "single_bytes_per_node": 63.2}
+    other = {**row, "ranks": 2}
+    checks = [{"quantity": "time in double over single precision, 3D order 4", "found": 1.25}]
+    whole = {"checks": [{"quantity": "whole run, nodes 100 m apart, single, 2 ranks", "found": 71.4}]}
+    rows = choice_rows({"rows": [other, row, measured, {"part": "steps"}]}, {"checks": checks}, [whole])
+    # 1e6 nodes, 1000 steps, 5e7 updates per second: 20 s
+    assert [dict(zip(CHOICE, cells, strict=True)) for cells in rows] == [
+        {"elements or run": text, "precision": precision, "time (s)": seconds, "bytes per node": held}
+        for text, precision, seconds, held in (
+            ("3D, order 4, parallel edges", "double", "20.0", "91"),
+            ("3D, order 4, parallel edges", "single", "16.0", ""),
+            ("3D, order 4, any edges", "double", "20.0", "91"),
+            ("3D, order 4, any edges", "single", "12.5", "63"),
+            ("TPV5, whole run, nodes 100 m apart, 2 ranks", "single", "71", ""),
+        )
+    ]  # fmt: skip
+
+
+def test_tables_of_growth_are_of_the_saved_rows() -> None:
+    size = {"nodes": 276_113, "seconds_per_node": 14.94e-9, "peak_per_node": 315.01}
+    one = {"nodes": 118_477, "ranks": 1, "messages": 0, "sent": 0, "held": 7_200_000, "elements": 1728, "ghosts": 0}
+    two = {**one, "ranks": 2, "messages": 2, "sent": 58_488, "held": 3_700_000, "elements": 864, "ghosts": 1255}
+    assert size_rows([size, one, two]) == [("0.28", "14.9", "315")]
+    assert rank_rows([size, one, two]) == [
+        ("0.12", "1", "1728", "0", "7.2", "1.00", "0", "0.00"),
+        ("0.12", "2", "864", "1255", "3.7", "1.03", "2", "0.06"),
+    ]
+    assert [len(each) for each in (SIZES, RANKS)] == [3, 8]
 
 
 def test_phases_of_a_command_add_up_to_it(tmp_path: Path) -> None:

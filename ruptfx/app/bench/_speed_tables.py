@@ -1,4 +1,4 @@
-"""Tables of `bench speed` from its rows, for the terminal and the site; does not need DOLFINx."""
+"""Tables of saved speeds from their rows, for the terminal and the site; does not need DOLFINx."""
 
 from __future__ import annotations
 
@@ -78,3 +78,71 @@ def aim_rows(*saved: Table) -> list[Cells]:
         aim, result = f"{check['relation']} {check['expected']:g}{unit}", f"{check['found']:.3g}{unit}"
         rows.append((quantity, f"{first:g}{unit}", aim, result, "reached" if check["passed"] else "missed"))
     return rows
+
+
+CHOICE = ("elements or run", "precision", "time (s)", "bytes per node")
+# Rows of `CHOICE`: dimension, order, geometry, nodes, text, end of the check of `bench precision` with their ratio.
+CHOSEN = (
+    (2, 4, "affine", 350_000, "2D, order 4, parallel edges", "2D order 4"),
+    (2, 5, "affine", 350_000, "2D, order 5, parallel edges", ""),
+    (2, 4, "general", 350_000, "2D, order 4, any edges", ""),
+    (3, 4, "affine", 1_000_000, "3D, order 4, parallel edges", "3D order 4"),
+    (3, 4, "general", 1_000_000, "3D, order 4, any edges", ""),
+)
+
+
+def choice_rows(speed: Table, precision: Table, whole: Sequence[Table]) -> list[Cells]:
+    """Return the cells below `CHOICE`: a million nodes and 1000 steps of both precisions, then whole runs.
+
+    Parameters
+    ----------
+    speed, precision : dict
+        Saved results of `bench speed` and `bench precision`; the latter have ratios for rows of the former without one.
+    whole : sequence of dict
+        Saved results of `bench tpv5_time`, on one and on two ranks.
+    """
+    ratios = {check["quantity"].rpartition(", ")[2]: check["found"] for check in precision["checks"]}
+    rows: list[Cells] = []
+    for *wanted, text, also in CHOSEN:
+        for row in speed["rows"]:
+            if [row.get(key) for key in ("dim", "order", "geometry", "asked")] != wanted or row["ranks"] > 1:
+                continue
+            seconds = 1e9 / row["node_updates_per_second_per_core"]
+            rows.append((text, "double", f"{seconds:.1f}", f"{row['bytes_per_node']:.0f}"))
+            ratio = row.get("ratio_of_single") or ratios.get(also)
+            if ratio:
+                held = _number(row.get("single_bytes_per_node"), ".0f")
+                rows.append((text, "single", f"{seconds / ratio:.1f}", held))
+    for check in (check for each in whole for check in each["checks"]):
+        what, nodes, kind, ranks = check["quantity"].split(", ")
+        rows.append((f"TPV5, {what}, {nodes}, {ranks}", kind, f"{check['found']:.0f}", ""))
+    return rows
+
+
+SIZES = ("million nodes", "time per node and step (ns)", "largest memory per node (bytes)")
+RANKS = (
+    "million nodes", "ranks", "elements", "ghost nodes", "read and written in a step (MB)", "over an equal share",
+    "messages in a step", "sent in a step (MB)",
+)  # fmt: skip
+
+
+def size_rows(rows: Sequence[Table]) -> list[Cells]:
+    """Return the cells below `SIZES` for the rows of `bench scaling`."""
+    return [
+        (f"{row['nodes'] / 1e6:.2f}", f"{1e9 * row['seconds_per_node']:.1f}", f"{row['peak_per_node']:.0f}")
+        for row in rows if "seconds_per_node" in row
+    ]  # fmt: skip
+
+
+def rank_rows(rows: Sequence[Table]) -> list[Cells]:
+    """Return the cells below `RANKS` for the rows of `bench scaling`."""
+    counted = [row for row in rows if "held" in row]
+    share = next((row["held"] for row in counted if row["ranks"] == 1), None)
+    return [
+        (
+            f"{row['nodes'] / 1e6:.2f}", str(row["ranks"]), str(row["elements"]), str(row["ghosts"]),
+            f"{row['held'] / 1e6:.1f}", "" if share is None else f"{row['held'] * row['ranks'] / share:.2f}",
+            str(row["messages"]), f"{row['sent'] / 1e6:.2f}",
+        )
+        for row in counted
+    ]  # fmt: skip

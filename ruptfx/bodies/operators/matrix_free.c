@@ -324,24 +324,22 @@ INLINE void gather_wide(const double *field, const int *dof, wide x[COMPONENTS])
 #if LANE == 4 && COMPONENTS == 3 && defined __AVX512VL__
 #include <immintrin.h>
 typedef double four __attribute__((vector_size(32)));
-typedef float four_floats __attribute__((vector_size(16)));
-typedef float eight_floats __attribute__((vector_size(32)));
-#define TRANSLATION four translation[LANES]
+#define TRANSLATION wide translation[LANES / 2]
 
-INLINE void gather_displacement(const double *field, const int *dof, four *translation, const int is_first,
+INLINE void gather_displacement(const double *field, const int *dof, wide *translation, const int is_first,
                                 lanes x[COMPONENTS])
 {
     lanes row[4];  // row[i]: the components at the lanes i, i + 4, i + 8 and i + 12
     UNROLL for (int i = 0; i < 4; i++) {
-        four_floats of_lane[4];
-        UNROLL for (int k = 0; k < 4; k++) {
-            const four y = (four)_mm256_maskz_loadu_pd(7, field + dof[i + 4 * k]);
-            if (is_first) translation[i + 4 * k] = y;
-            of_lane[k] = __builtin_convertvector(y - translation[i + 4 * k], four_floats);
+        few half[2];
+        UNROLL for (int k = 0; k < 2; k++) {
+            const four a = (four)_mm256_maskz_loadu_pd(7, field + dof[i + 8 * k]);
+            const four b = (four)_mm256_maskz_loadu_pd(7, field + dof[i + 8 * k + 4]);
+            const wide y = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+            if (is_first) translation[2 * i + k] = y;
+            half[k] = narrow(y - translation[2 * i + k]);
         }
-        const eight_floats low = __builtin_shufflevector(of_lane[0], of_lane[1], 0, 1, 2, 3, 4, 5, 6, 7);
-        const eight_floats high = __builtin_shufflevector(of_lane[2], of_lane[3], 0, 1, 2, 3, 4, 5, 6, 7);
-        row[i] = __builtin_shufflevector(low, high, LOWER, UPPER);
+        row[i] = __builtin_shufflevector(half[0], half[1], LOWER, UPPER);
     }
 #define IN_FOURS(a, b, i, j, k, l) \
     __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4, i + 8, j + 8, k + 8, l + 8, i + 12, j + 12, k + 12, l + 12)
