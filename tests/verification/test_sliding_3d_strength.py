@@ -68,6 +68,18 @@ def test_cohesion_between_solids(velocity: tuple[float, float, float], contact: 
         np.testing.assert_allclose(spent, energy, rtol=0.04)  # a step opens 5 % of the jump at failure
 
 
+def test_cohesion_without_friction_dissipates_nothing_else() -> None:
+    """Springs that no update stretches: all dissipated energy is that of the fracture."""
+    case = parse_case(solids({
+        "boundaries": driven((8.0, 6.0, 0.0)), "duration": 2e-6, "order": 1, "faults.main.contact": COMPLIANT,
+        "faults.main.cohesion": WEAK, "faults.main.friction.mu_d": 0.0, "faults.main.sliding.update_slip": 1e3,
+    }))  # fmt: skip
+    _, motion, state = march(case)
+    energies = motion.energies(state)
+    assert state.faults["main"]["damage"].max() == 1.0 and energies["fracture"] > 1e-6
+    assert abs(energies["frictional_dissipation"]) < 1e-12 * energies["fracture"]
+
+
 @pytest.mark.parametrize("rake", [0.0, 40.0])
 def test_overstress_drives_along_the_rake(rake: float) -> None:
     """Free bodies: the momentum of the upper one is that of the driving traction less friction, to 1e-9 of it."""
