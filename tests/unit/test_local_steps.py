@@ -17,6 +17,7 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import simulate
 from ruptfx.bodies.meshes.two_plates import TwoPlates
+from ruptfx.bodies.operators import FusedOperator
 from ruptfx.case import Case
 from ruptfx.case.support import UnsupportedError
 from ruptfx.input.schema import CaseError, alternatives
@@ -164,6 +165,21 @@ def test_the_same_on_any_ranks(operator: str) -> None:
     for here, alone in zip(*found, strict=True):
         np.testing.assert_allclose(here, alone, rtol=1e-9, atol=1e-11 * np.abs(alone).max())
     assert found[0][0][:, 1].max() > 1e-7
+
+
+@pytest.mark.parametrize("operator", ["matrix_free", "ufl_form"])
+def test_a_rank_may_have_no_element_of_a_cluster(operator: str) -> None:
+    model = Model(case({"order": 2, "operator": operator}))
+    idle = _clusters.part_of(model, np.zeros(len(model.bulk.cell_material), dtype=bool))
+    assert isinstance(idle, FusedOperator) == isinstance(model.operator, FusedOperator)
+    force = np.zeros(len(model.mass))
+    idle.add_internal_force(np.ones(len(model.mass)), force)
+    assert not force.any()
+    if isinstance(idle, FusedOperator):
+        idle.prepare_step(np.zeros(model.nodes, dtype=bool))
+        velocity, displacement = np.ones(len(force)), np.zeros(len(force))
+        assert idle.step(displacement, velocity, force, np.ones(model.nodes), 1.0, part="boundary") == 0
+        assert not displacement.any()
 
 
 def test_a_stopped_run_goes_on_bitwise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

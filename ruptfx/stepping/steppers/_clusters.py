@@ -172,5 +172,31 @@ def stable(model: System, mechanisms: Sequence[Mechanism], wanted: int | None, s
 
 
 def part_of(model: System, cells: Flags) -> operators.Operator:
-    """Return the operator of some elements, of the same kind as that of the bodies."""
-    return type(model.operator)(replace(model.bulk, only=cells))
+    """Return the operator of some elements, of the same kind as that of the bodies; collective."""
+    cls, owned = type(model.operator), model.mesh.topology.index_map(model.mesh.topology.dim).size_local
+    if cells[:owned].any():
+        return cls(replace(model.bulk, only=cells))
+    one = np.zeros_like(cells)
+    one[0] = True  # an operator needs an element, and other ranks its messages
+    made = cls(replace(model.bulk, only=one))
+    return IdleSteps() if isinstance(made, operators.FusedOperator) else Idle()
+
+
+class Idle:
+    """Operator of a rank that has no element of a cluster."""
+
+    def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
+        """Add nothing."""
+
+
+class IdleSteps(Idle):
+    """The same where the operators of other ranks also make steps."""
+
+    damps = False
+
+    def prepare_step(self, by_caller: np.ndarray, sweeps: Sequence[operators.InsertedSweep] = ()) -> None:
+        """Update no nodes."""
+
+    def step(self, *arguments: object, **options: object) -> float:
+        """Update no nodes."""
+        return 0.0
