@@ -645,7 +645,7 @@ def by_hand() -> Result:
     fits = [Fit(name, times, times * size, times * 2, times * 3) for name, size in (("one", 4e3), ("two", 1e3))]
     runs: Any = [SimpleNamespace(misfit=misfit) for misfit in (8.0, 99.0, 6.0)]
     samples = {each.key: np.linspace(0.01, 0.05, 41) ** power for each, power in ((D_c, 1), (other, 2))}
-    case: Any = SimpleNamespace(unknowns=[SimpleNamespace(bounds=None)] * 3)
+    case: Any = SimpleNamespace(unknowns=[Unknown(key=each.key) for each in (field, D_c, other)])
     return Result(case, [field, D_c, other], runs, [0, 2], 4, "converged", fits, samples)
 
 

@@ -51,7 +51,7 @@ def data_rows(model: Model) -> Iterator[Row]:
     except RuptfxError as error:
         yield Row("infer", "refused", "", str(error), "warning")
         return
-    keys = [each.unknown.key for each in evaluator.variables]
+    keys = [each.unknown.label for each in evaluator.variables]
     listed = ", ".join(keys[:MOST]) + (f" and {len(keys) - MOST} more" if len(keys) > MOST else "")
     free = int(np.count_nonzero(~evaluator.has_prior))
     note = f"{listed}; {free} of them without a prior, {sum(counts)} samples, inference.method = '{search.method}'"

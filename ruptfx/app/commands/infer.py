@@ -80,7 +80,7 @@ def infer(
                 f"iterations, {len(made.runs)} runs, {made.reason}", style="bold", soft_wrap=True
             )  # fmt: skip
             table = Table("unknown", "case", "recovered", "68 %", "unit", "", box=None, pad_edge=False)
-            for each, bounds in zip(made.unknowns, (value.bounds for value in made.case.unknowns), strict=True):
+            for each, unknown in zip(made.unknowns, made.case.unknowns, strict=True):
                 first, last = float(each.start.mean()), float(each.best.mean())
                 best, interval = f"{last:.6g}", ""
                 if each.interval is not None:
@@ -90,7 +90,7 @@ def infer(
                     best = f"{each.best.min():.6g} to {each.best.max():.6g}"
                     if each.interval is not None:
                         interval = f"± {0.5 * float(np.ptp(each.interval, axis=0).mean()):.3g} on average"
-                table.add_row(each.key, f"{first:.6g}", best, interval, each.unit, _note(each, bounds))
+                table.add_row(unknown.label, f"{first:.6g}", best, interval, each.unit, _note(each, unknown.bounds))
             screen.print(table)
             search = made.case.inference or Inference()
             if made.exceeds_noise:

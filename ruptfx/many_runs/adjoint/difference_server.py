@@ -1,6 +1,6 @@
 """One MPI job that makes runs with changed unknowns, started by the workers of a comparison.
 
-The model is built once; a job has the key of the unknown and its change, and the answer has the objective.
+The model is built once; a job has the changes by their keys, and the answer has the objective.
 """
 
 from __future__ import annotations
@@ -29,8 +29,10 @@ class Runs:
             assert isinstance(case, Case)
             self._known, self._built = job["case"], (case, Model(case, comm).in_steps("explicit"))
         case, model = self._built
-        ((_, place),) = chosen(model, [Unknown(key=job["key"])], case.objective)
-        return {"value": value_of_change(case, case.objective, model, place, job["change"])}
+        changes = dict(job["changes"])
+        places = [place for _, place in chosen(model, [Unknown(key=key) for key in changes], case.objective)]
+        single = list(zip(places, changes.values(), strict=True))
+        return {"value": value_of_change(case, case.objective, model, single)}
 
 
 if __name__ == "__main__":

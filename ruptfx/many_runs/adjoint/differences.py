@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from uuid import uuid4
 
 from ruptfx import RuptfxError, Table
+from ruptfx.many_runs.adjoint.unknowns import single_changes
 from ruptfx.many_runs.jobs import answers, opened, stoppable
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def runs_at_once(
 
         def make(changes: Sequence[tuple[Place, float]], tell: Callable[[int], None]) -> list[float]:
             jobs: dict[int, Table] = {
-                number: {"case": table, "key": place.key, "change": change}
+                number: {"case": table, "changes": [[each.key, value] for each, value in single_changes(place, change)]}
                 for number, (place, change) in enumerate(changes)
             }
             results = answers(client, jobs, 1, SERVER, f"gradient-{uuid4().hex}", _lost, tell)

@@ -19,7 +19,16 @@ from ruptfx.many_runs.adjoint.comparison import SIZE, Comparison
 from ruptfx.many_runs.adjoint.differences import check_use, runs_at_once
 from ruptfx.many_runs.adjoint.history import LARGEST
 from ruptfx.many_runs.adjoint.sweeps import Sweeps, Told
-from ruptfx.many_runs.adjoint.unknowns import Place, chosen, hats, perturbed, whole
+from ruptfx.many_runs.adjoint.unknowns import (
+    Place,
+    at_points,
+    changed_model,
+    chosen,
+    hats,
+    single_changes,
+    untied,
+    whole,
+)
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.progress import Progress, working
 from ruptfx.readings.instruments.model_readings import ModelReadings
@@ -115,34 +124,38 @@ class Objective:
 
     def _derivatives(self, factors: list[Floats], unknowns: Sequence[Unknown], tell: Told) -> list[Derivative]:
         every = chosen(self.sweeps.model, unknowns, self.terms)
-        of_bodies = self._by_constants(factors, [place for _, place in every if place.constant is not None], tell)
-        items = [each for each in every if each[1].of_points]
-        loaded = {key.key: np.zeros(0) for key, _ in items}
+        single = self._by_places(factors, [member for _, place in every for member, _ in place.members], tell)
+        result = []
+        for unknown, place in every:
+            if place.tied:
+                values = np.array([sum(part * single[member.key].sum() for member, part in place.tied)])
+            else:
+                values = single[place.key]
+            result.append(Derivative(unknown, place, values))
+        return result
+
+    def _by_places(self, factors: list[Floats], every: Sequence[Place], tell: Told) -> dict[str, Floats]:
+        """Return the derivatives by untied keys."""
+        result = self._by_constants(factors, [place for place in every if place.constant is not None], tell)
+        items = [place for place in every if place.of_points]
         points = self.sweeps.points
-        for _, place in items:
-            loaded[place.key] = np.zeros(len(points[place.fault].fault.interface.weight))
+        loaded = {place.key: np.zeros(len(points[place.fault].fault.interface.weight)) for place in items}
 
         def each_step(fault: int, time: float, of_parameters: Floats) -> None:
-            for _, place in items:
+            for place in items:
                 if place.nucleation is not None and place.fault == fault:
                     acts_on = points[fault].fault
                     of_shear = np.einsum("nk,kn->n", acts_on.shear_direction, of_parameters[1 : 1 + acts_on.tangents])
                     loaded[place.key] += place.nucleation.shear_traction(acts_on.interface.locations, time) * of_shear
 
         gradient = self.sweeps.adjoint(factors, each_step, tell) if items else []
-        result = []
-        for unknown, place in every:
-            if place.constant is not None:
-                result.append(Derivative(unknown, place, of_bodies[place.key]))
-                continue
-            if place.terms:
-                by_term = np.array([float(np.concatenate(factors) @ self._by_terms(place))])
-                result.append(Derivative(unknown, place, by_term))
-                continue
+        for place in every:
+            if place.term is not None:
+                result[place.key] = np.array([float(np.concatenate(factors) @ self._by_term(*place.term))])
+        for place in items:
             names = list(points[place.fault].parameters)
             slope = sum(part * gradient[place.fault][names.index(name)] for name, part in place.rows)
-            slope = loaded[place.key] + slope
-            result.append(Derivative(unknown, place, self._whole(place.fault, slope)))
+            result[place.key] = self._whole(place.fault, loaded[place.key] + slope)
         return result
 
     def _by_constants(self, factors: list[Floats], items: list[Place], tell: Told) -> dict[str, Floats]:
@@ -164,12 +177,12 @@ class Objective:
         """Return what the data of all readings would be without noise."""
         return [values for term, samples in self._samples() for values in term.expected(samples)]
 
-    def _by_terms(self, place: Place) -> Floats:
-        """Return the derivative of all readings, one after the other, by a parameter of terms."""
-        names, result = dict(place.terms), list[Floats]()
-        for number, (term, samples) in enumerate(self._samples()):
-            if number in names:
-                result += term.change(names[number], samples)
+    def _by_term(self, number: int, name: str) -> Floats:
+        """Return the derivative of all readings, one after the other, by a parameter of a term."""
+        result = list[Floats]()
+        for index, (term, samples) in enumerate(self._samples()):
+            if index == number:
+                result += term.change(name, samples)
             else:
                 result += [np.zeros(len(sample.values)) for sample in samples]
         return np.concatenate(result)
@@ -196,12 +209,12 @@ class Objective:
         of_parameters = [np.zeros_like(each) for each in self.sweeps.parameters]
         of_nucleations = []
         of_terms = np.zeros(sum(len(sample.values) for sample in self.sweeps.samples))
-        for place, values in changes:
-            if place.terms:
-                of_terms = of_terms + float(values[0]) * self._by_terms(place)
+        for place, values in untied(changes):
+            if place.term is not None:
+                of_terms = of_terms + float(values[0]) * self._by_term(*place.term)
                 continue
             points = self.sweeps.points[place.fault]
-            here = values[points.fault.interface.number]
+            here = at_points(values, points.fault.interface)
             if place.nucleation is not None:
                 of_nucleations.append((place.fault, place.nucleation, here))
             names = list(points.parameters)
@@ -213,7 +226,7 @@ class Objective:
             mine = [each.shear_traction(places, time) * here for which, each, here in of_nucleations if which == fault]
             return np.sum(mine, axis=0) if mine else None
 
-        if not any(place.of_points for place, _ in changes):
+        if not any(place.of_points for place, _ in untied(changes)):
             return of_terms
         return of_terms + np.concatenate(self.sweeps.tangent(of_parameters, loads, tell))
 
@@ -396,7 +409,7 @@ def compare(
     steps: list[tuple[Derivative, float]] = []
     for each in derivatives:
         place = each.place
-        if place.constant is None and not place.of_contact:
+        if not place.of_constant and not place.of_contact:
             steps.append((each, size * _scale(made, each)))
     changes = [(each.place, sign * step) for each, step in steps for sign in (1, -1)]
     count, values = len(changes), list[float]()
@@ -408,7 +421,8 @@ def compare(
             def told(done: float, text: str, number: int = number) -> None:
                 tell((number + done) / count, f"differences  run {number + 1} of {count}, {text}")
 
-            values.append(value_of_change(made.case, made.terms, made.sweeps.model, place, change, told))
+            single = single_changes(place, change)
+            values.append(value_of_change(made.case, made.terms, made.sweeps.model, single, told))
     return [
         Comparison(each.place.key, each.place.unit, step, float(each.values.sum()), (up - down) / (2 * step))
         for (each, step), up, down in zip(steps, values[::2], values[1::2], strict=True)
@@ -416,38 +430,33 @@ def compare(
 
 
 def value_of_change(
-    case: Case, terms: Sequence[Misfit], model: Model, place: Place, change: float,
+    case: Case, terms: Sequence[Misfit], model: Model, changes: Sequence[tuple[Place, float]],
     tell: Told = lambda done, text: None,
 ) -> float:  # fmt: skip
-    """Return the objective of a run in which an unknown is changed by the same at all points; collective.
+    """Return the objective of a run in which unknowns are changed by the same at all points; collective.
 
     Parameters
     ----------
     model : Model
         Of the case, with the contact methods of explicit steps.
-    place : Place
-        Of the unknown.
-    change : float
-        In its unit.
+    changes : sequence of (Place, float)
+        Of single keys, in their units.
     tell : callable
         Called with the finished fraction and a text.
     """
-    terms, view = list(terms), model
-    for number, name in place.terms:
-        terms[number] = terms[number].substituted({name: float(getattr(terms[number], name)) + change})
-    if place.of_points:
-        points = np.full(len(model.faults[place.fault].interface.weight), change)
-        if place.nucleation is not None:
-            view = perturbed(model, {}, {(place.fault, int(place.key.split(".")[-2])): points})
-        else:
-            view = perturbed(model, {(place.fault, name): part * points for name, part in place.rows})
+    terms = list(terms)
+    for place, change in changes:
+        if place.term is not None:
+            number, name = place.term
+            terms[number] = terms[number].substituted({name: float(getattr(terms[number], name)) + change})
+    view = changed_model(model, [(place, np.array([change])) for place, change in changes])
     return Objective(case, terms, model.comm, tell=tell, model=view, record=False).value
 
 
 def _scale(made: Objective, derivative: Derivative) -> float:
     """Return the largest size of an unknown along its interface, the duration for a time of data; collective."""
-    place = derivative.place
-    if place.terms:
+    place, factor = derivative.place.members[0]
+    if place.term is not None:
         return made.case.duration if place.unit == "s" else 1.0
     parameters = made.sweeps.points[place.fault].parameters
     names = [name for name, _ in place.rows]
@@ -455,7 +464,7 @@ def _scale(made: Objective, derivative: Derivative) -> float:
         names.append("normal_stress_0")
     own = [float(np.abs(parameters[name]).max()) for name in names if np.size(parameters[name])]
     none = made.case.duration if place.unit == "s" else 1.0
-    return parallel.largest(made.model.comm, max(own, default=0.0)) or none
+    return (parallel.largest(made.model.comm, max(own, default=0.0)) or none) / abs(factor)
 
 
 def refuse(model: Model) -> None:

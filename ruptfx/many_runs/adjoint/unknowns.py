@@ -43,7 +43,7 @@ class Place:
     ----------
     key, unit : str
     fault : int
-        -1 for a constant of bodies and a parameter of a term.
+        -1 for a constant of bodies, a parameter of a term, and tied keys.
     rows : tuple of (str, float)
         Parameters of `PointMap` and their change by that of the unknown; none for a nucleation.
     nucleation : Nucleation, optional
@@ -57,8 +57,15 @@ class Place:
     nucleation: Nucleation | None = None
     constant: tuple[str, str] | None = None
     """Material and name of a constant of bodies."""
-    terms: tuple[tuple[int, str], ...] = ()
-    """Number and parameter of the terms of the objective that have it."""
+    term: tuple[int, str] | None = None
+    """Number of a term of the objective, and the name of its parameter."""
+    tied: tuple[tuple[Place, float], ...] = ()
+    """Places of tied keys, each with its factor: what one number for all of them stands for."""
+
+    @property
+    def members(self) -> tuple[tuple[Place, float], ...]:
+        """Places of all keys with their factors: the place alone if no others are tied to it."""
+        return self.tied or ((self, 1.0),)
 
     @property
     def of_points(self) -> bool:
@@ -66,9 +73,14 @@ class Place:
         return self.fault >= 0
 
     @property
+    def of_constant(self) -> bool:
+        """True if it is, or is tied to, a constant of bodies."""
+        return any(place.constant is not None for place, _ in self.members)
+
+    @property
     def of_contact(self) -> bool:
         """True for a stiffness of a contact method, on which the stable time step depends."""
-        return any(name.startswith("c_") for name, _ in self.rows)
+        return any(name.startswith("c_") for place, _ in self.members for name, _ in place.rows)
 
 
 def constants(model: Model) -> dict[str, Place]:
@@ -80,16 +92,40 @@ def constants(model: Model) -> dict[str, Place]:
 def of_terms(terms: Sequence[Misfit]) -> dict[str, Place]:
     """Return the parameters of the terms of an objective by which it is differentiated, by key.
 
-    `objective.*.time_shift` is one parameter of all terms.
+    `objective.*.time_shift` ties the parameters of all terms.
     """
     known = [(n, name, unit) for n, term in enumerate(terms) for name, unit in term.parameters.items()]
-    result = {f"objective.{n}.{name}": Place(f"objective.{n}.{name}", unit, -1, terms=((n, name),))
+    result = {f"objective.{n}.{name}": Place(f"objective.{n}.{name}", unit, -1, term=(n, name))
               for n, name, unit in known}  # fmt: skip
-    for name, unit in dict.fromkeys(each[1:] for each in known):
-        key, owners = f"objective.*.{name}", tuple((n, name) for n, *of_term in known if of_term == [name, unit])
-        if len(owners) == len([each for each in known if each[1] == name]):  # an offset of channels of one unit
-            result[key] = Place(key, unit, -1, terms=owners)
+    for name in dict.fromkeys(name for _, name, _ in known):
+        owners = [result[f"objective.{n}.{name}"] for n, other, _ in known if other == name]
+        if len({place.unit for place in owners}) == 1:  # an offset of channels of one unit
+            key = f"objective.*.{name}"
+            result[key] = Place(key, owners[0].unit, -1, tied=tuple((place, 1.0) for place in owners))
     return result
+
+
+def _tied(unknown: Unknown, known: Mapping[str, Place], number: int) -> Place:
+    """Return the place of an unknown with the keys that are tied to it.
+
+    Raises
+    ------
+    CaseError
+        A tied key that is no unknown of the case, or has another unit.
+    """
+    own = known[unknown.key]
+    members = list(own.members)
+    for index, (key, factor) in enumerate(unknown.ties):
+        name = f"unknowns.{number}.tied.{index} = '{key}'"
+        if key not in known:
+            raise CaseError(f"{name}: cannot be differentiated, {nearest(key, list(known))}")
+        if known[key].unit != own.unit:
+            raise CaseError(
+                f"{name}: is in {known[key].unit}, and '{unknown.key}' in {own.unit}; tie keys of one unit, or make "
+                "each an unknown"
+            )
+        members += [(place, factor * part) for place, part in known[key].members]
+    return replace(own, fault=-1, rows=(), nucleation=None, constant=None, term=None, tied=tuple(members))
 
 
 def places(model: Model) -> dict[str, Place]:
@@ -110,27 +146,40 @@ def chosen(
     Raises
     ------
     CaseError
-        A key that is no unknown of the case, or given twice; knots of a single number, on a surface, or on which no
-        point depends.
+        A key that is no unknown of the case, or given twice; tied keys of other units; knots of a single number, on a
+        surface, or on which no point depends.
     """
     known = places(model)
     items = list(unknowns) or [Unknown(key=key) for key in known]
     known |= constants(model) | of_terms(model.case.objective if terms is None else terms)
+    result: list[tuple[Unknown, Place]] = []
     for number, each in enumerate(items):
         if each.key not in known:
             hint = nearest(each.key, list(known))
             raise CaseError(f"unknowns.{number}.key = '{each.key}': cannot be differentiated, {hint}")
         if each.key in [other.key for other in items[:number]]:
             raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
-        for other in items[:number]:
-            if set(known[each.key].terms).intersection(known[other.key].terms):
-                raise CaseError(f"unknowns.{number}.key = '{each.key}': '{other.key}' contains it; remove one of them")
+        result.append((each, _tied(each, known, number) if each.tied else known[each.key]))
+        _refuse_repeated(result)
         if not known[each.key].of_points and each.shape == "knots":
             raise CaseError(f"unknowns.{number}.shape = 'knots': '{each.key}' is one number; use shape = 'number'")
         if each.shape == "knots":
             face = model.faults[known[each.key].fault].interface
             hats(each, face, whole(model, face, face.position), f"unknowns.{number}")
-    return [(each, known[each.key]) for each in items]
+    return result
+
+
+def _refuse_repeated(items: Sequence[tuple[Unknown, Place]]) -> None:
+    """Refuse a key of the last unknown that it has twice, or that belongs to another one, too."""
+    owners: dict[str, str] = {}
+    for unknown, place in items:
+        for member, _ in place.members:
+            if member.key in owners:
+                raise CaseError(
+                    f"unknowns.{len(items) - 1}.key = '{items[-1][0].key}': '{member.key}' belongs to "
+                    f"'{owners[member.key]}' already; remove one of them"
+                )
+            owners[member.key] = unknown.key
 
 
 def whole(model: Model, face: Interface, values: Floats) -> Floats:
@@ -138,6 +187,21 @@ def whole(model: Model, face: Interface, values: Floats) -> Floats:
     result = np.zeros(face.total)
     result[face.number[face.owned]] = values[face.owned]
     return parallel.total(model.comm, result)
+
+
+def at_points(values: Floats, face: Interface) -> Floats:
+    """Return values of all points of an interface, or one number, at the points of this rank."""
+    return values[face.number] if len(values) > 1 else np.full(len(face.number), values[0])
+
+
+def untied(changes: Sequence[tuple[Place, Floats]]) -> list[tuple[Place, Floats]]:
+    """Return the changes of single keys from those of unknowns."""
+    return [(member, factor * values) for place, values in changes for member, factor in place.members]
+
+
+def single_changes(place: Place, change: float) -> list[tuple[Place, float]]:
+    """Return the changes of single keys from that of one unknown by a number."""
+    return [(member, factor * change) for member, factor in place.members]
 
 
 def hats(unknown: Unknown, face: Interface, position: Floats, key: str) -> Floats:
@@ -243,6 +307,27 @@ def _numbers(law: FrictionLaw) -> list[str]:
         if isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
             numbers.append(name)
     return numbers
+
+
+def changed_model(model: Model, changes: Sequence[tuple[Place, Floats]]) -> Model:
+    """Return a model with changed unknowns; those of terms and bodies change nothing.
+
+    Parameters
+    ----------
+    changes : sequence of (Place, ndarray)
+        Added at all points of the interface of the place in their order, or one number.
+    """
+    of_rows: dict[tuple[int, str], Floats] = {}
+    of_nucleations: dict[tuple[int, int], Floats] = {}
+    for place, values in untied(changes):
+        if not place.of_points:
+            continue
+        here = at_points(values, model.faults[place.fault].interface)
+        if place.nucleation is not None:
+            of_nucleations[place.fault, int(place.key.split(".")[-2])] = here
+        for name, part in place.rows:
+            of_rows[place.fault, name] = of_rows.get((place.fault, name), 0.0) + part * here
+    return perturbed(model, of_rows, of_nucleations)
 
 
 def perturbed(

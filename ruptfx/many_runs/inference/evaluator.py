@@ -14,7 +14,7 @@ from ruptfx.input.schema import CaseError, value_at
 from ruptfx.interfaces.faults.projection import ProjectionError
 from ruptfx.many_runs.adjoint.gradients import Derivative, Objective, refuse
 from ruptfx.many_runs.adjoint.sweeps import Told
-from ruptfx.many_runs.adjoint.unknowns import Place, chosen, perturbed
+from ruptfx.many_runs.adjoint.unknowns import Place, changed_model, chosen
 from ruptfx.many_runs.inference.evaluations import Derivatives, Evaluation
 from ruptfx.many_runs.inference.variables import Variable
 from ruptfx.platform import fem
@@ -63,7 +63,7 @@ class Evaluator:
         refuse(model)
         self._model = model.in_steps("explicit")
         for number, (unknown, place) in enumerate(chosen(self._model, case.unknowns)):
-            if place.constant is not None:
+            if place.of_constant:
                 raise CaseError(
                     f"unknowns.{number}.key = '{unknown.key}': infer recovers quantities of interfaces, and this is a "
                     "constant of bodies; remove it, ruptfx gradient has its sensitivity"
@@ -92,8 +92,11 @@ class Evaluator:
         for number, term in enumerate(self.case.objective):
             term.requests(bodies, f"objective.{number}")
         for each in self.variables:
-            for (number, name), bound in product(each.place.terms, each.unknown.bounds or []):
-                self.case.objective[number].substituted({name: bound}).requests(bodies, f"objective.{number}")
+            for (member, factor), bound in product(each.place.members, each.unknown.bounds or []):
+                if member.term is not None:
+                    number, name = member.term
+                    term = self.case.objective[number].substituted({name: factor * bound})
+                    term.requests(bodies, f"objective.{number}")
 
     def _check_bounds(self) -> None:
         """Refuse bounds that the key of an unknown does not accept.
@@ -110,11 +113,11 @@ class Evaluator:
                     self._case_with_value(self.case, each, bound + step)
                 except CaseError as error:
                     for line in str(error).splitlines():
-                        _, of_key, reason = line.partition(f"{each.keys[0]} = ")
-                        if of_key:  # contradictions between keys depend on the values of both
+                        key = next((key for key, _ in each.keys if f"{key} = " in line), None)
+                        if key is not None:  # contradictions between keys depend on the values of both
                             raise CaseError(
-                                f"unknowns.{number}.bounds = {unknown.bounds}: {bound:g} is refused, {of_key}{reason}; "
-                                "give bounds that the key accepts"
+                                f"unknowns.{number}.bounds = {unknown.bounds}: {bound:g} is refused, "
+                                f"{line[line.index(key) :]}; give bounds that the key accepts"
                             ) from None
 
     # -- runs --------------------------------------------------------------------------------------------------------
@@ -125,25 +128,18 @@ class Evaluator:
 
     def _changed(self, z: Floats) -> Model:
         """Return the model with the values of z."""
-        changes: dict[tuple[int, str], Floats] = {}
-        amplitudes: dict[tuple[int, int], Floats] = {}
-        for each, part_of_z in self.split(z):
-            place = each.place
-            if not place.of_points:
-                continue
-            change = (each.values(part_of_z) - each.start)[self._model.faults[place.fault].interface.number]
-            if place.nucleation is not None:
-                amplitudes[place.fault, int(place.key.split(".")[-2])] = change
-            for name, part in place.rows:
-                changes[place.fault, name] = changes.get((place.fault, name), 0.0) + part * change
-        return perturbed(self._model, changes, amplitudes)
+        return changed_model(
+            self._model, [(each.place, each.values(part) - each.start) for each, part in self.split(z)]
+        )
 
     def _terms(self, z: Floats) -> list[Misfit]:
         """Return the terms of the objective with the values of z."""
         terms = list(self.case.objective)
         for each, part_of_z in self.split(z):
-            for number, name in each.place.terms:
-                terms[number] = terms[number].substituted({name: float(each.values(part_of_z)[0])})
+            for place, factor in each.place.members:
+                if place.term is not None:
+                    number, name = place.term
+                    terms[number] = terms[number].substituted({name: factor * float(each.values(part_of_z)[0])})
         return terms
 
     def evaluate(
@@ -262,8 +258,8 @@ class Evaluator:
 
     @staticmethod
     def _case_with_value(case: Case, variable: Variable, value: object) -> Case:
-        for key in variable.keys:
-            case = case.changed(key, value)
+        for key, factor in variable.keys:
+            case = case.changed(key, factor * value if isinstance(value, float) else value)
         return case
 
     def case_with(self, z: Floats) -> Case:

@@ -308,7 +308,7 @@ class Inversion:
             band = np.array([each.start * np.exp(s) if log else each.start + s for s in (-sigma, sigma)])
             items.append(Recovered(
                 unknown.key, each.place.unit, unknown.shape, each.position, each.start, each.values(part), band,
-                each.at_bound(part), interval,
+                each.at_bound(part), interval, each.place.of_points,
             ))  # fmt: skip
         return items
 

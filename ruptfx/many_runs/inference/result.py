@@ -55,6 +55,8 @@ class Recovered:
     at_bound : bool
     interval : ndarray, shape (2, n), or None
         Ends of the interval of 68 % of the posterior.
+    of_points : bool
+        False for one number of terms of the objective or tied keys, which has no position.
     """
 
     key: str
@@ -66,6 +68,7 @@ class Recovered:
     band: Floats
     at_bound: bool
     interval: Floats | None
+    of_points: bool = True
 
 
 @dataclass(frozen=True)
@@ -137,14 +140,15 @@ class Result:
 
         data: dict[str, object] = {}
         for each in self.unknowns:
-            dim = "point_" + each.key.split(".")[1]
+            dim = "point_" + each.key.split(".")[1] if each.of_points else "number"
             for name, values in (("case", each.start), ("best", each.best)):
                 about = {"units": each.unit, "long_name": f"{each.key}, {name}"}
                 data[f"{each.key}.{name}"] = (dim, values, about)
             for name, values in zip(("from", "to"), () if each.interval is None else each.interval, strict=False):
                 about = {"units": each.unit, "long_name": f"{each.key}, interval of 68 %, {name}"}
                 data[f"{each.key}.{name}"] = (dim, values, about)
-            data[f"position_{each.key.split('.')[1]}"] = (dim, each.position, {"units": "m"})
+            if each.of_points:
+                data[f"position_{each.key.split('.')[1]}"] = (dim, each.position, {"units": "m"})
         for number, fit in enumerate(self.fits):
             dim = f"time_{number}"
             data[f"time_{number}"] = (dim, fit.times, {"units": "s"})

@@ -32,12 +32,15 @@ if TYPE_CHECKING:
     from ruptfx.run.model import Model
 
 Floats = NDArray[np.float64]
+SAME = 1e-9
+"""Largest relative difference of values of tied keys in the case."""
 
 
 def values_of_case(model: Model, place: Place) -> Floats:
-    """Return an unknown as the case has it, at the points of this rank."""
-    if place.terms:
-        return np.array([float(getattr(model.case.objective[number], name)) for number, name in place.terms])
+    """Return the value of a single key in the case, at the points of this rank."""
+    if place.term is not None:
+        number, name = place.term
+        return np.array([float(getattr(model.case.objective[number], name))])
     fault = model.faults[place.fault]
     face = fault.interface
     if place.nucleation is not None:
@@ -56,6 +59,34 @@ def values_of_case(model: Model, place: Place) -> Floats:
                 law, suffix = law.law, suffix.removeprefix("law_")  # type: ignore[attr-defined]
             total += part * getattr(law, suffix)
     return total
+
+
+def start_values(model: Model, place: Place, key: str) -> Floats:
+    """Return an unknown as the case has it, at all points of its interface or as one number; collective.
+
+    Raises
+    ------
+    CaseError
+        Tied keys that vary along their interface, or do not have one value times their factors.
+    """
+    starts = []
+    for member, factor in place.members:
+        values = values_of_case(model, member)
+        if member.of_points:
+            values = whole(model, model.faults[member.fault].interface, values)
+        starts.append(values / factor)
+    if not place.tied:
+        return starts[0]
+    first, low, high = starts[0][0], min(map(np.min, starts)), max(map(np.max, starts))
+    if high - low > SAME * max(abs(low), abs(high)):
+        listed = ", ".join(
+            f"'{member.key}' is {factor * part.min():g}" + (f" to {factor * part.max():g}" if np.ptp(part) else "")
+            for (member, factor), part in zip(place.tied, starts, strict=True)
+        )
+        raise CaseError(
+            f"{key}: {listed} in the case; give all of them one value, times their factors, or make each an unknown"
+        )
+    return np.array([first])
 
 
 class Variable:
@@ -89,22 +120,14 @@ class Variable:
     def __init__(self, model: Model, unknown: Unknown, place: Place, key: str) -> None:
         self.unknown, self.place = unknown, place
         face = model.faults[max(place.fault, 0)].interface
-        self.position, self.start = np.zeros(1), values_of_case(model, place)
+        self.position, self.start = np.zeros(1), start_values(model, place, f"{key}.key = '{unknown.key}'")
         self.on_surface = place.of_points and face.across is not None
         if place.of_points:
             self.position = whole(model, face, face.position)
-            self.start = whole(model, face, self.start)
-        elif np.ptp(self.start):
-            raise CaseError(
-                f"{key}.key = '{unknown.key}': is {self.start.min():g} to {self.start.max():g} in the terms of the "
-                "case; give all terms one value, or each an unknown"
-            )
-        elif unknown.bounds is None:
+        elif unknown.bounds is None and any(member.term is not None for member, _ in place.members):
             raise CaseError(f"{key}.bounds: '{unknown.key}' needs some, within which the data stay in the run")
         elif unknown.shape != "number":
             raise CaseError(f"{key}.shape = '{unknown.shape}': '{unknown.key}' is one number; use shape = 'number'")
-        else:
-            self.start = self.start[:1]
         low, high = unknown.bounds or (-np.inf, np.inf)
         if unknown.scale == "log" and self.start.min() <= 0:
             raise CaseError(
@@ -130,9 +153,9 @@ class Variable:
             self._begin_numbers()
 
     @property
-    def keys(self) -> list[str]:
-        """Keys of the case that have its value."""
-        return [f"objective.{number}.{name}" for number, name in self.place.terms] or [self.unknown.key]
+    def keys(self) -> list[tuple[str, float]]:
+        """Keys of the case that have its value, times factors."""
+        return [(place.key, factor) for place, factor in self.place.members]
 
     def _t(self, values: Floats) -> Floats:
         return np.log(values) if self.unknown.scale == "log" else values

@@ -234,6 +234,9 @@ class Experiment:
         """
         items = []
         for index, unknown in enumerate(self.case.unknowns):
+            if unknown.tied:
+                raise CaseError(f"unknowns.{index}.tied: ruptfx reconstruct has no tied keys; make each an unknown, or "
+                                "use objective.*.NAME for all terms")  # fmt: skip
             folder, _, rest = unknown.key.partition(".")
             if folder != "objective":
                 continue

@@ -161,6 +161,10 @@ class Unknown(Part):
     """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`,
     or time shift, gain and offset of data, `objective.0.time_shift`, of all terms at once `objective.*.time_shift`; in
     `ruptfx gradient` also constants of bodies, `materials.default.density`."""
+    tied: list[Annotated[str, Field(min_length=1)]] = []
+    """Further keys in the unit of `key` whose values are those of `key` times `factors`: one unknown stands for all."""
+    factors: list[float] | None = None
+    """Values of the tied keys over that of `key`, one for each; default is 1."""
     shape: Literal["field", "number", "knots"] = "field"
     """Values at all points of the interface, one number that is added everywhere, or numbers that are added at knots
     and interpolated linearly between them."""
@@ -176,6 +180,17 @@ class Unknown(Part):
     correlation_length: Length | None = None
     """Length over which the prior correlation of a field falls to 1/e."""
 
+    @property
+    def label(self) -> str:
+        """The key, with those that are tied to it and their factors."""
+        parts = [f"{key} = {factor:g} x" if factor != 1 else f"{key} =" for key, factor in self.ties]
+        return " ".join([*reversed(parts), self.key])
+
+    @property
+    def ties(self) -> list[tuple[str, float]]:
+        """Tied keys with their factors."""
+        return list(zip(self.tied, self.factors or [1.0] * len(self.tied), strict=True))
+
     @model_validator(mode="after")
     def _complete(self) -> Unknown:
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
@@ -185,6 +200,12 @@ class Unknown(Part):
         if self.shape != "field" and self.correlation_length is not None:
             name = "a number has" if self.shape == "number" else "knots have"
             raise ValueError(f"correlation_length: {name} none; remove it, or set shape = 'field'")
+        if self.tied and self.shape != "number":
+            raise ValueError(f"tied: keys that are tied have one number, and shape = '{self.shape}'; use 'number'")
+        if self.factors is not None and len(self.factors) != len(self.tied):
+            raise ValueError(f"factors: {len(self.factors)} for {len(self.tied)} tied keys; give one for each")
+        if 0.0 in (self.factors or ()):
+            raise ValueError(f"factors = {self.factors}: must not be 0, a tied key would be 0 for all values of key")
         if (self.shape == "knots") != (self.knots is not None):
             raise ValueError("shape = 'knots' and knots belong together; give both or none")
         if self.knots is not None and any(b <= a for a, b in pairwise(self.knots)):
