@@ -30,6 +30,7 @@ import toml_examples
 import typer
 from docutils import nodes
 from docutils.parsers.rst import Directive
+from formulas import latex
 from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective, SphinxRole
@@ -126,10 +127,13 @@ def entry_section(topic: str, entry: describe.Entry) -> nodes.section:
     for label, text in entry.labels.items():
         if label == "example":
             continue
+        if label == "formula":
+            block += nodes.math_block("", r" \qquad ".join(latex(text)))
+            continue
         line = paragraph("")
         line += nodes.strong(label, label.capitalize())
         line += nodes.Text(": ")
-        line += nodes.literal(text, text) if label in ("formula", "state") else nodes.Text(text)
+        line += nodes.literal(text, text) if label == "state" else nodes.Text(text)
         block += line
     if topic in describe.FOLDERS or topic in describe.CLASSES:
         text, demo = toml_examples.example(topic, entry)
