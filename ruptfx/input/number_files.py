@@ -324,7 +324,7 @@ def _aligned(table: NumberTable, above: Sequence[tuple[int, str]], separator: st
             cells = cells[:-1]
         if len(cells) == width:
             headers.append((line, cells))
-        elif len(cells) > 1 and line == above[-1][0] and not content.lstrip().startswith(_COMMENT):
+        elif rows and len(cells) > 1 and line == above[-1][0] and not content.lstrip().startswith(_COMMENT):
             raise ValueError(
                 f"line {table.lines[0]} of {path}: {width} cells under {len(cells)} names in line {line}; {hint}, or "
                 "give every column a name"

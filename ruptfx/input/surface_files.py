@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +14,7 @@ from pydantic import ValidationInfo
 
 from ruptfx.input.map_frame import EAST, NORTH
 from ruptfx.input.netcdf_units import read_grid
-from ruptfx.input.number_files import read_table
+from ruptfx.input.number_files import NumberTable, read_table
 from ruptfx.platform.files import require_file
 
 MOST_BYTES = 200_000_000  # of a height map
@@ -80,17 +81,36 @@ def of_csv(path: Path, unit: str | None, in_degrees: bool = False) -> SurfaceGri
         raise ValueError(f"line {table.lines[0]} of {path}: {table.width} columns; give three, strike, dip and value")
     for line, cells in table.headers:
         for column, (cell, names) in enumerate(zip(cells, (DIP, STRIKE), strict=False), 1):
-            if re.match(rf"({'|'.join(names)})\b", cell.strip().lower()):
+            if _is_one_of(names, cell):
                 raise ValueError(
                     f"line {line} of {path}: column {column} is {cell.strip()}; write strike, dip, value, or x, y, "
                     "value, in this order"
                 )
     scales = {0: None, 1: None} | table.factors({2: unit} if in_degrees else {0: "m", 1: "m", 2: unit})
-    return _gridded(np.array([table.column(i, scale or 1) for i, scale in scales.items()]).T, table.lines, path)
+    rows = np.array([table.column(i, scale or 1) for i, scale in scales.items()]).T
+    return _gridded(rows, table.lines, path, _axes(table, in_degrees))
 
 
-def _gridded(rows: np.ndarray, lines: list[int], path: Path) -> SurfaceGrid:
+def _is_one_of(names: tuple[str, ...], cell: str) -> bool:
+    return re.match(rf"({'|'.join(names)})\b", cell.strip().lower()) is not None
+
+
+def _axes(table: NumberTable, in_degrees: bool) -> tuple[str, str, str]:
+    """Return the names of both positions as the header has them, and their unit."""
+    for _, cells in reversed(table.headers):
+        if len(cells) > 1 and _is_one_of(STRIKE, cells[0]) and _is_one_of(DIP, cells[1]):
+            first, second = (re.split(r"\W", cell.strip(), maxsplit=1)[0] for cell in cells[:2])
+            return first, second, "degrees" if in_degrees else "m"
+    return ("longitude", "latitude", "degrees") if in_degrees else ("strike", "dip", "m")
+
+
+def _gridded(rows: np.ndarray, lines: list[int], path: Path, axes: tuple[str, str, str]) -> SurfaceGrid:
     """Return the grid of points in any order.
+
+    Parameters
+    ----------
+    axes : tuple of str
+        Names of both positions and their unit, for messages.
 
     Raises
     ------
@@ -98,10 +118,11 @@ def _gridded(rows: np.ndarray, lines: list[int], path: Path) -> SurfaceGrid:
         A point is missing or given twice.
     """
     (strike, i), (dip, k) = (np.unique(rows[:, column], return_inverse=True) for column in (0, 1))
+    first, second, unit = axes
     if len(strike) < 2 or len(dip) < 2:
         raise ValueError(
-            f"{path}: at least two positions along strike and two down dip are needed, found {len(strike)} and "
-            f"{len(dip)}"
+            f"{path}: at least two positions of {first} and two of {second} are needed, found {len(strike)} and "
+            f"{len(dip)}; give a line for each point of a grid"
         )
     count = np.zeros((len(dip), len(strike)), dtype=int)
     np.add.at(count, (k, i), 1)
@@ -110,15 +131,15 @@ def _gridded(rows: np.ndarray, lines: list[int], path: Path) -> SurfaceGrid:
         for line, place in zip(lines, zip(k.tolist(), i.tolist(), strict=True), strict=True):
             if place in seen:
                 raise ValueError(
-                    f"line {line} of {path}: the point strike = {strike[place[1]]:g} m, dip = {dip[place[0]]:g} m is "
-                    "given twice; remove one of them"
+                    f"line {line} of {path}: the point {first} = {strike[place[1]]:.9g} {unit}, {second} = "
+                    f"{dip[place[0]]:.9g} {unit} is given twice; remove one of them"
                 )
             seen.add(place)
     if count.min() == 0:
         row, column = np.argwhere(count == 0)[0]
         raise ValueError(
-            f"{path}: no value at strike = {strike[column]:g} m, dip = {dip[row]:g} m; a grid needs one at all "
-            f"{len(strike)} x {len(dip)} combinations of its positions"
+            f"{path}: no value at {first} = {strike[column]:.9g} {unit}, {second} = {dip[row]:.9g} {unit}; a grid "
+            f"needs one at all {len(strike)} x {len(dip)} combinations of its positions"
         )
     values = np.empty(count.shape)
     values[k, i] = rows[:, 2]
@@ -165,11 +186,15 @@ def of_geotiff(path: Path, in_degrees: bool = False) -> SurfaceGrid:
 
     require_file(path, MOST_BYTES, remedy="give a GeoTIFF file")
     try:
-        with Image.open(path, formats=["TIFF"]) as image:
-            tags = {number: image.tag_v2.get(number) for number in (33550, 33922, 34735, 42113)}  # type: ignore[attr-defined]
-            if (count := image.width * image.height) > MOST_VALUES:
-                raise ValueError(f"{path}: has {count} pixels, and height maps at most {MOST_VALUES}; make it coarser")
-            values = np.asarray(image, dtype=float)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of damaged tags, whose values are checked below
+            with Image.open(path, formats=["TIFF"]) as image:
+                tags = {number: image.tag_v2.get(number) for number in (33550, 33922, 34735, 42113)}  # type: ignore[attr-defined]
+                if (count := image.width * image.height) > MOST_VALUES:
+                    raise ValueError(
+                        f"{path}: has {count} pixels, and height maps at most {MOST_VALUES}; make it coarser"
+                    )
+                values = np.asarray(image, dtype=float)
     except Exception as error:  # Pillow raises many kinds of errors for damaged files
         if str(error).startswith(str(path)):
             raise

@@ -265,6 +265,10 @@ def test_json_schema_accepts_and_refuses() -> None:
     assert validator.is_valid(merged(impact(6e6, 2.0), {"stepper": {"kind": "quasi_static", "first_step": 1.0}}))
     assert not validator.is_valid(merged(impact(6e6, 2.0), {"stepper": {"time_stp": 1e-9}}))
     assert not validator.is_valid(merged(impact(6e6, 2.0), {"duratoin": 1.0}))
+    receiver = {"kind": "receiver", "interval": 1e-7, "fields": ["velocity"]}
+    for keys, valid in (({"stations": "a"}, True), ({"name": "a", "point": [0.0, 1.0]}, True), ({"name": "a"}, False),
+                        ({"name": "a", "stations": "a.csv", "pont": [0.0, 1.0]}, False)):  # fmt: skip
+        assert validator.is_valid(merged(impact(6e6, 2.0), {"instruments": [receiver | keys]})) == valid, keys
     for path in DEMOS:  # cases of both kinds, and studies
         table = tomllib.loads(path.read_text())
         assert validator.is_valid(table), path

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from helpers.damaged import damaged
 from helpers.messages import facts
 from helpers.small_cases import plates, strike_slip
 
@@ -59,6 +61,8 @@ def test_stations_on_a_map(tmp_path: Path) -> None:
 WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("name,x,y\nA,1,2\nA,2,2\n", {}, r"instruments\.0\.stations: line 3 of .*sta\.csv: .*A"),
     ("x,y,z\n1,2,3\n", {}, r"sta\.csv: .*no column name; .*it has: x, y, z"),
+    ("name,x,y,z\n", {}, r"sta\.csv: has no stations"),
+    ("name\tx\ty\t\n", {}, r"sta\.csv"),
     ("name,x\nA,1\n", {}, r"sta\.csv: .*no column y"),
     ("name,x,y\nA,1,b\n", {}, r"line 2 of .*sta\.csv.*'b'"),
     ("name,x (s),y\nA,1,2\n", {}, r"line 1 of .*sta\.csv, column 'x \(s\)': "),
@@ -72,6 +76,25 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
 def test_files_that_are_refused(lines: str, keys: dict[str, Any], message: str, tmp_path: Path) -> None:
     with pytest.raises(CaseError, match=facts(message)):
         parsed(tmp_path, lines, **keys)
+
+
+@pytest.mark.parametrize("header, row", [
+    ("name, x (mm), y (mm), z (mm)", "S{0}, {0}.5, -{0}e-1, -2"), ("station\teasting\tnorthing", "S{0}\t40{0}\t3790"),
+    ("id;lon;lat;elevation (m)", '"CI.{0}";-117,{0};35,0{0};20,5'),
+])  # fmt: skip
+def test_damaged_files_are_read_or_refused(header: str, row: str, tmp_path: Path) -> None:
+    """500 files with wrong bytes, or cut off: read, or refused with the name of the file, and no other error."""
+    whole = "\n".join([header, *(row.format(number) for number in range(6)), ""]).encode()
+    path, count = tmp_path / "wrong.csv", 0
+    for content in damaged(whole, 500, 4, seed=9):
+        path.write_bytes(content)
+        try:
+            stations = read_stations(path, None, 3)
+            assert all(re.fullmatch(r"\w*", each.name, re.A) and np.isfinite(each.point).all() for each in stations)
+            count += content == whole
+        except (CaseError, ValueError) as error:
+            assert content != whole and "wrong.csv" in str(error), error
+    assert count > 30
 
 
 def test_a_kind_without_a_point_has_no_stations(tmp_path: Path) -> None:

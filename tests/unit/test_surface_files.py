@@ -84,6 +84,8 @@ def test_a_table_in_python_reads_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("lines, message", [
     ([HEADER, *LINES, LINES[2]], r"line 8 of .*s\.csv: .*strike = -2000 m, dip = 4000 m .*twice; remove"),
     ([HEADER, *LINES[:-1]], r"s\.csv: no value at strike = 3000 m, dip = 1000 m; .*2 x 3"),
+    (["x (km), y (km), h (MPa)", *LINES, LINES[2]], r"line 8 of .*s\.csv: .*x = -2000 m, y = 4000 m .*twice; remove"),
+    (["Easting (m), Northing (m), h (MPa)", *LINES[:-1]], r"no value at Easting = 3 m, Northing = 1 m; .*2 x 3"),
     ([HEADER, "0, 0, 1", "1, 0, 1"], r"s\.csv: at least two positions .*found 2 and 1"),
     ([HEADER], r"line 1 of .*s\.csv: 'strike \(km\)' is no number"),
     ([HEADER, "0, 0"], r"line 2 of .*s\.csv: 2 cells under 3 names in line 1"),

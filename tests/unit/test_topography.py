@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.damaged import damaged
 from helpers.messages import facts
 from helpers.small_cases import strike_slip
 from PIL import Image, TiffImagePlugin
+from pydantic import ValidationError
 
 from ruptfx.bodies.meshes.box_with_fault import BoxWithFault
 from ruptfx.input.map_frame import MapFrame
@@ -147,6 +149,33 @@ def test_images_that_are_refused(keys: dict[str, Any], table: dict[str, Any], me
     geotiff(tmp_path / "a.tif", np.arange(6.0).reshape(2, 3), (0.0, 0.0), 1.0, **keys)
     with pytest.raises((CaseError, ValueError), match=facts(message)):
         SurfaceTable.model_validate({"file": "a.tif", **table}, context={"directory": tmp_path})
+
+
+def test_points_on_a_map_are_named_in_degrees(tmp_path: Path) -> None:
+    lines = ["lon,lat,height (m)", "-117,35,1", "-117,36,1", "-116,35,1"]
+    frame = {"origin": [-117.0, 35.0], "projection": "EPSG:32611"}
+    for header, names in ((lines[0], ("lon", "lat")), ("# no header", ("longitude", "latitude"))):
+        (tmp_path / "a.csv").write_text("\n".join([header, *lines[1:]]))
+        with pytest.raises(
+            ValidationError, match=facts(rf"no value at {names[0]} = -116 degrees, {names[1]} = 36 degrees")
+        ):
+            SurfaceTable.model_validate({"file": "a.csv", "map": frame}, context={"directory": tmp_path})
+
+
+def test_damaged_height_maps_are_read_or_refused(tmp_path: Path) -> None:
+    """500 images with wrong bytes, or cut off: read, or refused with the name of the file, and no other error."""
+    geotiff(tmp_path / "whole.tif", np.arange(42.0).reshape(6, 7), (0.0, 0.0), 1.0)
+    whole, path, count = (tmp_path / "whole.tif").read_bytes(), tmp_path / "wrong.tif", 0
+    for content in damaged(whole, 500, 4, seed=8):
+        path.write_bytes(content)
+        try:
+            table = SurfaceTable.model_validate({"file": path.name}, context={"directory": tmp_path})
+            assert np.isfinite(table.values).all() and len(table.strike) > 1
+            count += content == whole
+        except (CaseError, ValidationError) as error:
+            assert content != whole
+            assert "wrong.tif" in str(error) or "positions must increase" in str(error), error
+    assert count > 30
 
 
 @pytest.mark.parametrize("content", [b"", b"II*\0", bytes(range(256))])

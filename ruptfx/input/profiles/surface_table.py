@@ -29,9 +29,9 @@ class SurfaceTable(Profile):
     interpolation: Literal["linear", "cubic"] = "linear"
     """`cubic`: splines along both directions whose curvature is continuous, for measured surfaces."""
     strike: list[Annotated[float, Unit("m")]] = []
-    """Positions along strike, at least two, increasing."""
+    """Positions along strike, or x, at least two, increasing; in degrees if `map` has a projection."""
     dip: list[Annotated[float, Unit("m")]] = []
-    """Positions down dip, at least two, increasing."""
+    """Positions down dip, or y, at least two, increasing; in degrees if `map` has a projection."""
     values: list[list[Value]] = []
     """A row for each position down dip, with a value for each along strike."""
     file: str | None = None
@@ -82,7 +82,7 @@ class SurfaceTable(Profile):
                 raise CaseError(
                     f"the table has {name} from {grid[0]:.9g} to {grid[-1]:.9g}{unit}, and the surface has points from "
                     f"{at_most(values.min() + slack)} to {at_least(values.max() - slack)}{unit}; add to the table"
-                    + (", or correct map" if self.map else "")
+                    + (", or correct map" if self.map else ", whose strike and dip are x and y of height maps")
                 )
             inside.append(np.clip(values, grid[0], grid[-1]))
             cell = np.clip(np.searchsorted(grid, inside[-1], side="right") - 1, 0, len(grid) - 2)

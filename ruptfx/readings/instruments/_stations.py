@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from ruptfx.input.map_frame import EAST, NORTH, MapFrame
 from ruptfx.input.number_files import NumberTable, name_and_factor, number, read_table
@@ -55,6 +57,8 @@ def read_stations(path: Path, frame: MapFrame | None, dim: int) -> list[Station]
         )
     if frame is not None and dim == 2:
         raise ValueError(f"{path}: a map has two directions, and the model one; leave out map")
+    if not table.rows:
+        raise ValueError(f"{path}: has no stations; give a line for each below the names of the columns")
     if len(table.rows) > MOST:
         raise ValueError(f"{path}: has {len(table.rows)} stations, at most {MOST}; leave out some")
     known = [axis for axis in axes if axis in places]
@@ -105,6 +109,17 @@ class AtStations(Instrument):
     units as in `x (km)`; without a height the stations are on the surface."""
     map: MapFrame | None = None
     """Place of the model on the map, if the positions are eastings and northings, or longitudes and latitudes."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return the JSON schema, in which `stations` replaces what each of them has itself."""
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        entry = handler.resolve_ref_schema(schema)
+        required = entry.get("required", [])
+        own = [key for key in required if key in ("name", "point")]
+        entry["required"] = [key for key in required if key not in own]
+        entry["anyOf"] = [{"required": own}, {"required": ["stations"]}]
+        return schema
 
     @model_validator(mode="after")
     def _of_a_case(self) -> Self:
