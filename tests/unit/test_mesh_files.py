@@ -559,6 +559,159 @@ def test_a_rim_inside_the_body_is_welded(dim: int, tmp_path: Path) -> None:
         assert np.all(sign * (np.array(apart) @ slope) > 0)
 
 
+def network(dim: int, shape: str) -> str:
+    """Script of faults in triangles or tetrahedra of one body.
+
+    `main` lies at y = 2 from x = 1 to 5, in 3D at z = 2 from y = 0.5 to 3.5; `other` at x = 3 crosses it or ends at it,
+    in 3D from y = 1.25 to 2.75; of a fork the arms go up and down from x = 3.
+    """
+    low = 1.0 if shape == "crossing" else 2.0
+    if dim == 3:
+        return f"""
+SetFactory("OpenCASCADE");
+Box(1) = {{0, 0, 0, 6, 4, 4}};
+Rectangle(20) = {{1, 0.5, 2, 4, 3}};
+Rectangle(30) = {{0, 0, 0, {3 - low}, 1.5}};
+Rotate {{{{0, 1, 0}}, {{0, 0, 0}}, -Pi / 2}} {{ Surface{{30}}; }}
+Translate {{3, 1.25, {low}}} {{ Surface{{30}}; }}
+BooleanFragments{{ Volume{{1}}; Delete; }}{{ Surface{{20, 30}}; Delete; }}
+MeshSize{{:}} = 0.6;
+Physical Volume("rock") = Volume{{:}};
+Physical Surface("main") = Surface In BoundingBox {{0.9, 0.4, 1.9, 5.1, 3.6, 2.1}};
+Physical Surface("other") = Surface In BoundingBox {{2.9, 1.2, 0.9, 3.1, 2.8, 3.1}};
+"""
+    ends = {
+        "crossing": [(1, 2), (5, 2), (3, 1), (3, 3)], "branch": [(1, 2), (5, 2), (3, 3)],
+        "fork": [(1, 2), (5, 3), (5, 1)], "boundary": [(0, 2), (6, 2), (3, 0), (3, 4)],
+    }[shape]  # fmt: skip
+    points = "".join(f"Point({5 + i}) = {{{x}, {y}, 0, 0.4}};" for i, (x, y) in enumerate([(3, 2), *ends]))
+    arms = "".join(f"Line({10 + i}) = {{5, {6 + i}}};" for i in range(len(ends)))
+    main, other = ("10", "11, 12") if shape == "fork" else ("10, 11", "12, 13" if len(ends) == 4 else "12")
+    names = f'Physical Curve("main") = {{{main}}}; Physical Curve("other") = {{{other}}};'
+    if shape == "boundary":
+        return (
+            f'SetFactory("OpenCASCADE"); Rectangle(1) = {{0, 0, 0, 6, 4}}; {points} {arms}'
+            "BooleanFragments{ Surface{1}; Delete; }{ Curve{10:13}; Delete; } MeshSize{:} = 0.4;"
+            'Physical Surface("rock") = Surface{:}; '
+            'Physical Curve("main") = Curve In BoundingBox {-1, 1.9, -1, 7, 2.1, 1};'
+            'Physical Curve("other") = Curve In BoundingBox {2.9, -1, -1, 3.1, 5, 1};'
+        )
+    corners = "Point(1) = {0, 0, 0, 1}; Point(2) = {6, 0, 0, 1}; Point(3) = {6, 4, 0, 1}; Point(4) = {0, 4, 0, 1};"
+    frame = "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Curve Loop(1) = {1, 2, 3, 4};"
+    inside = f"Plane Surface(1) = {{1}}; Curve{{{main}, {other}}} In Surface{{1}};"
+    return f'{corners} {frame} {points} {arms} {inside} Physical Surface("rock") = {{1}}; {names}'
+
+
+def wanted_copies(dim: int, shape: str, x: np.ndarray) -> int:
+    """Number of nodes at a point, by hand: the parts in which the faults divide its surroundings."""
+    eps = 1e-9
+    if dim == 2:
+        fork = shape == "fork"
+        low, left, top = (0, 0, 4) if shape == "boundary" else (1, 1, 3)
+        right = 6 - left
+        if np.hypot(x[0] - 3, x[1] - 2) < eps:
+            return {"crossing": 4, "branch": 3, "fork": 3, "boundary": 4}[shape]
+        inside = 1 if shape != "boundary" else -1  # ends at the boundary are cut open
+        on_main = abs(x[1] - 2) < eps and left + inside * eps < x[0] < (3 if fork else right - inside * eps)
+        on_other = abs(x[0] - 3) < eps and (2 if shape == "branch" else low + inside * eps) < x[1] < top - inside * eps
+        if fork:
+            on_other = abs(abs(x[1] - 2) - (x[0] - 3) / 2) < eps and 3 < x[0] < 5 - eps
+        return 2 if on_main or on_other else 1
+    low = 1 if shape == "crossing" else 2
+    on_main = abs(x[2] - 2) < eps and 1 + eps < x[0] < 5 - eps and 0.5 + eps < x[1] < 3.5 - eps
+    on_other = abs(x[0] - 3) < eps and 1.25 + eps < x[1] < 2.75 - eps and low - eps < x[2] < 3 - eps
+    if shape == "crossing":
+        on_other &= x[2] > 1 + eps
+    if on_main and on_other:
+        return 4 if shape == "crossing" else 3
+    return 2 if on_main or on_other else 1
+
+
+@pytest.mark.parametrize("dim, shape", [
+    (2, "crossing"), (2, "branch"), (2, "fork"), (2, "boundary"), (3, "crossing"), (3, "branch"),
+])  # fmt: skip
+def test_junctions_and_crossings_inside_one_body(dim: int, shape: str, tmp_path: Path) -> None:
+    """Every point has as many nodes as parts around it, one at ends inside the body; sides follow the normal."""
+    path = write(tmp_path / "a.msh", network(dim, shape))
+    up = [0.0, 1.0] if dim == 2 else [0.0, 0.0, 1.0]
+    normals = {"main": up, "other": [-1.0 if shape != "fork" else 1.0, *[0.0] * (dim - 1)]}
+    if shape == "fork":
+        path = write(tmp_path / "a.msh", network(dim, shape).replace('("other") = {11, 12}',
+                     '("other") = {11}; Physical Curve("third") = {12}'))  # fmt: skip
+        normals = {"main": up, "other": up, "third": up}
+    raw = build(path, {name: ROCK | {"normal": normal} for name, normal in normals.items()})
+    places, count = np.unique(raw.points.round(9), axis=0, return_counts=True)
+    wanted = np.array([wanted_copies(dim, shape, x) for x in places])
+    assert np.array_equal(count, wanted), places[count != wanted]
+    assert {2, 3 if shape in ("branch", "fork") else 4} <= set(wanted.tolist())
+    assert set(np.unique(raw.cells)) == set(range(len(raw.points)))
+    beside = [set(np.flatnonzero((raw.cells == node).any(axis=1))) for node in range(len(raw.points))]
+    for name, (plus, minus) in raw.interfaces.items():
+        assert np.array_equal(raw.points[plus], raw.points[minus]) and len(plus) > 2
+        for side, sign in ((plus, 1), (minus, -1)):
+            for facet in side:
+                cells = set.intersection(*(beside[node] for node in facet))
+                middle = raw.points[facet].mean(axis=0)
+                toward = [sign * (raw.points[raw.cells[cell]].mean(axis=0) - middle) @ normals[name] for cell in cells]
+                assert max(toward) > 0 and (len(cells) == 1 or wanted_copies(dim, shape, raw.points[facet[0]]) == 1)
+
+
+QUARTERS = {2: "Physical Surface", 3: "Physical Volume"}
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("shape", ["crossing", "junction"])
+def test_slip_on_crossing_faults_inside_one_body_is_that_between_four(dim: int, shape: str, tmp_path: Path) -> None:
+    """Bitwise the same mesh but for the names of bodies, and the same fields of both faults."""
+    pytest.importorskip("dolfinx")
+    from ruptfx import read_case, simulate
+
+    quarters = "".join(f'{QUARTERS[dim]}("q{k}") = {{{k}}};' for k in range(1, 5))
+    names = ["whole", "up", "down"] if shape == "crossing" else ["whole", "up"]  # halves of a crossing have two names
+    if dim == 2:
+        script = INSIDE + 'Physical Curve("down") = {31};' + quarters
+    else:
+        script = in_solids(SOLID) + quarters + "".join(
+            f'Physical Surface("{name}") = Surface In BoundingBox {{{box}}};' for name, box in {
+                "whole": "-1e-6, 2e-3 - 1e-6, -1e-6, 8e-3 + 1e-6, 2e-3 + 1e-6, 2e-3 + 1e-6",
+                "up": "4e-3 - 1e-6, 2e-3 - 1e-6, -1e-6, 4e-3 + 1e-6, 4e-3 + 1e-6, 2e-3 + 1e-6",
+                "down": "4e-3 - 1e-6, -1e-6, -1e-6, 4e-3 + 1e-6, 2e-3 + 1e-6, 2e-3 + 1e-6",
+            }.items()
+        )  # fmt: skip
+    write(tmp_path / "a.msh", script)
+    edges = ("rock.top", "rock.bottom") if dim == 2 else ("whole.top", "whole.bottom")
+    text = CASE.format(top=edges[0], bottom=edges[1], plane="strain" if dim == 2 else "solid")
+    begin, end = text.index("[faults.left]"), text.index("[damping")
+    text = (
+        text[:begin] + "".join(text[begin:end].replace("faults.left", f"faults.{each}") for each in names) + text[end:]
+    )
+    between = {"whole": (["q3", "q4"], ["q1", "q2"]), "up": (["q4"], ["q3"]), "down": (["q2"], ["q1"])}
+    sides = {"one": {each: (["rock"], ["rock"]) for each in names}, "four": {each: between[each] for each in names}}
+    records, meshes = [], []
+    for name, of_faults in sides.items():
+        tables = ""
+        for each, (plus, minus) in of_faults.items():
+            normal = ([0.1, 1.0, 0.0] if each == "whole" else [1.0, 0.1, 0.0])[:dim]
+            tables += f"[mesh.interfaces.{each}]\nplus = {plus}\nminus = {minus}\n" + f"normal = {normal}\n" * (
+                name == "one"
+            )
+        case = tmp_path / f"{name}.toml"
+        case.write_text(f'{text}[mesh]\nkind = "gmsh_file"\nfile = "a.msh"\n{tables}')
+        parsed = read_case(case)
+        meshes.append(parsed.mesh.build())
+        records.append(simulate(parsed, out=tmp_path / name, progress=False))
+    one, four = meshes
+    assert np.array_equal(one.points, four.points) and np.array_equal(one.cells, four.cells)
+    around = (one.points[:, :2] == [4e-3, 2e-3]).all(axis=1).sum()
+    assert around == (4 if shape == "crossing" else 3) * (1 if dim == 2 else 3)
+    for each in sides["one"]:
+        of_one, of_four = (record.interfaces[each] for record in records)
+        assert np.abs(of_one["slip" if dim == 2 else "slip_1"].values).max() > 1e-8
+        for name in (name for name, field in of_one.data_vars.items() if field.dtype.kind == "f"):
+            np.testing.assert_array_equal(of_one[name].values, of_four[name].values, err_msg=f"{each}: {name}")
+
+
 @pytest.mark.parametrize("dim, normal", [(2, [-0.5, 1.0]), (3, [0.0, 1.0, -0.58])])
 def test_the_normal_that_is_proposed_is_accepted(dim: int, normal: list[float], tmp_path: Path) -> None:
     """The fault rises by 1 over 2 along x, and by 60 degrees over y."""
