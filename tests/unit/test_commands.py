@@ -210,6 +210,25 @@ def test_mesh_of_a_solid_has_a_map_of_its_surface(dip: float) -> None:
 
 
 @fem
+def test_names_of_edges_of_a_thin_solid_do_not_overlap() -> None:
+    """A bar of 30 x 2 x 3 mm: ten names beside each other, with lines that end at the middles of their edges."""
+    from ruptfx.app.drawing.mesh_drawing import draw
+    from ruptfx.case import parse_case
+
+    bar = {"fault_length": 30e-3, "fault_width": 2e-3, "beyond": 1e-3, "distance": 1e-3, "element_size": 1e-3}
+    shear = {"faults.main.initial_stress.shear": 2.8e6, "order": 1}
+    figure = draw(parse_case(strike_slip({**{f"mesh.{key}": size for key, size in bar.items()}, **shear})))
+    figure.draw_without_rendering()
+    names = [text for text in figure.axes[0].texts if "." in text.get_text()]
+    boxes = [text.get_window_extent() for text in names]
+    assert len(names) == 10
+    assert not any(one.overlaps(other) for number, one in enumerate(boxes) for other in boxes[:number])
+    ticks = [label.get_window_extent() for axis in (figure.axes[0].yaxis, figure.axes[0].zaxis)
+             for label in axis.get_ticklabels() if label.get_text()]  # fmt: skip
+    assert not any(one.overlaps(other) for number, one in enumerate(ticks) for other in ticks[:number])
+
+
+@fem
 @pytest.mark.parametrize("base", [False, True])
 def test_mesh_of_solids_that_slide_has_both_surfaces(base: bool) -> None:
     """3 x 2 elements of 0.5 mm: 20 um above 7 x 7 others, or on a rigid wave of 10 um, drawn as 24 x 24 rectangles."""

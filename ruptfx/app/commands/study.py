@@ -29,6 +29,8 @@ def study(
 ) -> None:
     """Run a case over axes of parameters; started again, run only the missing points.
 
+    A point that fails has its error in the table and does not stop the others: the exit code is 0, or 1 if all failed.
+
     Example: ruptfx study demos/slip_weakening_map.toml --cores 2
     """
     begin(f"reading {file}", not quiet)
@@ -43,6 +45,10 @@ def study(
         for point, result in [each for each in values.points if each[1]["status"] == "failed"][:SHOWN]:
             place = ", ".join(f"{name} = {value}" for name, value in point.coordinates.items())
             screen.print(f"failed: {place}: {result['error']}", style="red", soft_wrap=True)
+        if 0 < values.failed < len(values.points):
+            screen.print(
+                "The other points are complete (exit code 0); --retry runs failed points again.", soft_wrap=True
+            )
         if refine:
             screen.print(json.loads((out / "refinement.json").read_text())["summary"])
         screen.print(f"Study directory: {out} ({', '.join(path.name for path in values.files)})", soft_wrap=True)

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ruptfx.bodies.meshes import RawMesh
@@ -25,6 +26,8 @@ Array = np.ndarray
 SURFACE, OPPOSITE, ARROWS = "#c8501e", "#3b8ea5", ("#1769aa", "#2e7d32", "#6a1b9a")
 ROUNDING = 1e-10  # gap of surfaces that touch, over the length of the surface
 BASE = 24  # rectangles along both directions of a rigid base
+TICKS = 8  # of the longest axis
+NAME_STEP = 0.045  # least distance between names, over the height of the drawing
 LETTERS = ("n", "1", "2")  # normal, first and second tangent
 
 
@@ -49,11 +52,12 @@ def draw(case: Case, raw: RawMesh) -> Figure:
     axes.computed_zorder = False  # arrows and names in front of the surfaces
     size, unit = scale(np.ptp(raw.points, axis=0), "m")
     corners = 4 if raw.cell == "hexahedron" else 3  # the first nodes of a curved facet
+    middles: dict[str, Array] = {}
     for name, nodes in raw.edges.items():
         sides = polygons(raw.points[nodes[:, :corners]] / size)
         outside = Poly3DCollection(sides, facecolor=(0.6, 0.7, 0.8, 0.05), edgecolor=(0, 0, 0, 0.12), linewidth=0.3)
         axes.add_collection3d(outside)
-        axes.text(*sides.mean(axis=(0, 1)), name, size=6, ha="center", zorder=4)
+        middles[name] = sides.mean(axis=(0, 1))
     for number, fault in enumerate(model.faults):
         facets = polygons(raw.points[raw.interfaces[fault.name][0][:, :corners]])
         surface = Poly3DCollection(facets / size, facecolor=SURFACE, edgecolor="white", lw=0.2, alpha=0.6, zorder=2)
@@ -69,7 +73,31 @@ def draw(case: Case, raw: RawMesh) -> Figure:
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})", title=case.title or None)
     axes.set_box_aspect(high - low)
     axes.view_init(25, -60)
+    for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / np.max(high - low), strict=True):
+        axis.set_major_locator(MaxNLocator(max(1, round(TICKS * part))))
+    _name_edges(axes, middles)
     return figure
+
+
+def _name_edges(axes: Axes3D, middles: dict[str, Array]) -> None:
+    """Write the names of edges in columns on both sides, in the order of their heights, with lines to their middles."""
+    if not middles:
+        return
+    projected = np.array(proj3d.proj_transform(*np.array(list(middles.values())).T, axes.get_proj())[:2]).T
+    placed = axes.transAxes.inverted().transform(axes.transData.transform(projected))
+    order = np.argsort(placed[:, 0], kind="stable")
+    for column, rows in enumerate(np.array_split(order, 2)):
+        rows = rows[np.argsort(placed[rows, 1], kind="stable")]
+        step = min(NAME_STEP, 0.9 / max(len(rows), 1))
+        heights = np.mean(placed[rows, 1]) + step * (np.arange(len(rows)) - 0.5 * (len(rows) - 1))
+        heights += max(0.0, 0.05 - heights.min(initial=1.0)) - max(0.0, heights.max(initial=0.0) - 0.95)
+        for row, height in zip(rows, heights, strict=True):
+            x, y = projected[row].tolist()
+            axes.annotate(
+                list(middles)[row], (x, y), (float(column), float(height)), textcoords="axes fraction", size=6,
+                ha=("left", "right")[column], va="center", annotation_clip=False, zorder=4,
+                arrowprops={"arrowstyle": "-", "color": "#888888", "linewidth": 0.4, "shrinkA": 1, "shrinkB": 0},
+            )  # fmt: skip
 
 
 def polygons(corners: Array) -> Array:
