@@ -167,7 +167,7 @@ class Experiment:
         ----------
         knots : Knots
         kernel : callable
-            Kernel of a request by its number and delay after the knots, shape (knots, n).
+            Kernel of a request by its number and delay after the knots, shape (knots, columns).
         still : list of Sample
             Readings of a run without slip.
 
@@ -178,10 +178,9 @@ class Experiment:
         """
         kernels, parts, sizes = [np.zeros(0)], [], []
         for number, (channel, sample) in enumerate(zip(self.channels, still, strict=True)):
-            at = (channel.times - knots.begin) / knots.interval
-            lag = np.floor(at + ALIGNED).astype(int)
+            lag, phase = knots.lags(channel.times)
             slips = lag >= 0
-            phase = np.maximum(at - lag, 0.0)[slips]
+            phase = phase[slips]
             phases, which = np.unique(np.round(phase / ALIGNED), return_inverse=True)
             phases = np.bincount(which, phase) / np.maximum(np.bincount(which), 1)  # means of equal ones
             if len(phases) > PHASES:

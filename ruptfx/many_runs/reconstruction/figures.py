@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from ruptfx.many_runs.reconstruction.result import KNOWN
@@ -23,13 +24,14 @@ from ruptfx.results.figure_style import (
     scale,
     styled,
 )
+from ruptfx.results.plots import surface_maps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ruptfx.many_runs.reconstruction.experiment import Channel
-    from ruptfx.many_runs.reconstruction.result import Reconstruction
+    from ruptfx.many_runs.reconstruction.result import Reconstruction, Surface
 
 Floats = NDArray[np.float64]
 MOST = 24
@@ -86,7 +88,12 @@ def _scaled(unit: str, largest: float) -> tuple[float, str]:
 
 @styled
 def draw_slip_rate(made: Reconstruction) -> Figure:
-    """Return the figure of the mean slip rate over position and time with its front, and of its deviation."""
+    """Return the figure of the mean slip rate over position and time with its front, and of its deviation.
+
+    Those of a surface are maps at some times.
+    """
+    if made.surface is not None:
+        return _slip_rate_maps(made, made.surface)
     figure, ((left, right),) = new_figure(1, 2, 3.2, sharey=True)
     x, t, grid, order = _grid(made)
     size, unit = scale(max(float(np.abs(made.mean).max()), 1e-300), "m/s")
@@ -102,6 +109,28 @@ def draw_slip_rate(made: Reconstruction) -> Figure:
         left.legend(loc="upper left", frameon=True, framealpha=0.8, edgecolor="none")
     _label(made, (left, right), x[2], t[2])
     remark(figure, "The front is drawn where the data remove more than half of the prior variance.")
+    return figure
+
+
+def _slip_rate_maps(made: Reconstruction, surface: Surface) -> Figure:
+    knots, sizes = surface.knots(made.times, np.abs(made.mean).max(axis=1)), np.linalg.norm(surface.mean, axis=0)
+    size, unit = scale(max(float(sizes.max()), 1e-300), "m/s")
+    t_size, t_unit = scale(made.times, "s")
+    norm, data = Normalize(0, float(sizes.max()) / size or 1.0), made.dataset()
+    height, wide = surface_maps.height_in_line([data, data]), surface_maps.axis_scale(data)
+    stretch = surface_maps.stretch_of(height)
+    tall = min(1.0 + len(knots) * (0.3 + stretch * height), 9.0)
+    figure, axes = new_figure(len(knots), 2, tall, sharex=True, sharey=True)
+    for row, knot in enumerate(knots):
+        for ax, values in zip(axes[row], (sizes[knot], made.deviation[knot]), strict=True):
+            drawn = surface_maps.draw(ax, data, values / size, norm, RATE_MAP, wide, stretch)
+            surface_maps.label(ax, data, ax is axes[row, 0], knot == knots[-1], wide)
+        axes[row, 0].set_title(f"{made.times[knot] / t_size:.3g} {t_unit}", loc="right")
+    axes[0, 0].set_title("Magnitude of slip rate", loc="left")
+    axes[0, 1].set_title("Standard deviation", loc="left")
+    figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"Slip rate ({unit})", shrink=0.7)
+    remark(figure, "The deviation is that in the direction of the initial shear stress.",
+           surface_maps.stretched(stretch))  # fmt: skip
     return figure
 
 
@@ -128,7 +157,6 @@ def draw_friction(made: Reconstruction) -> Figure:
     figure, axes = new_figure(2, len(places), 4.0, sharex="col", sharey="row")
     slip_size, slip_unit = scale(max(float(np.abs(curves.slip[0][:, places]).max()), 1e-300), "m")
     size, unit = scale(float(np.abs(curves.shear_traction[0][:, places]).max()), "Pa")
-    along, along_unit = scale(made.position, "m")
     for column, place in enumerate(places):
         slip = np.abs(curves.slip[0, :, place]) / slip_size
         path = np.cumsum(np.abs(np.diff(slip, prepend=0.0)))
@@ -144,7 +172,7 @@ def draw_friction(made: Reconstruction) -> Figure:
         if made.law is not None and place in made.law.points:
             fitted = made.law.friction[:, int(np.flatnonzero(made.law.points == place)[0])]
             axes[1, column].plot(slip, fitted, color=GUIDE, ls="--", label=made.law.kind)
-        axes[0, column].set_title(f"{made.position[place] / along:.4g} {along_unit}", fontsize=7)
+        axes[0, column].set_title(made.place(place), fontsize=7)
         axes[1, column].set_xlabel(f"Slip ({slip_unit})")
     axes[0, 0].set_ylabel(f"Shear traction ({unit})")
     axes[1, 0].set_ylabel("Friction")
@@ -156,7 +184,12 @@ def draw_friction(made: Reconstruction) -> Figure:
 
 @styled
 def draw_information(made: Reconstruction) -> Figure:
-    """Return the map of the prior variance that the data remove, and its mean along the interface."""
+    """Return the map of the prior variance that the data remove, and its mean along the interface.
+
+    On a surface it is the map of the mean over time.
+    """
+    if made.surface is not None:
+        return _information_map(made)
     figure, (top, below) = new_figure(2, 1, 4.0, 4.8, sharex=True, height_ratios=(1, 3))
     x, t, grid, order = _grid(made)
     top[0].plot(made.position[order] / x[1], made.known[order], color=STICK_SLIP)
@@ -165,6 +198,22 @@ def draw_information(made: Reconstruction) -> Figure:
     mesh = below[0].pcolormesh(*grid, made.information[:, order], cmap=TIME_MAP, vmin=0, vmax=1, rasterized=True)
     figure.colorbar(mesh, ax=below[0], label="Part of the prior variance removed", pad=0.03)
     _label(made, (below[0],), x[2], t[2])
+    return figure
+
+
+def _information_map(made: Reconstruction) -> Figure:
+    data = made.dataset()
+    height, wide = surface_maps.height_in_line([data]), surface_maps.axis_scale(data)
+    stretch = surface_maps.stretch_of(height)
+    figure, ((ax,),) = new_figure(1, 1, min(1.0 + stretch * height, 6.5))
+    drawn = surface_maps.draw(ax, data, made.known, Normalize(0, 1), TIME_MAP, wide, stretch)
+    surface_maps.label(ax, data, lengths=wide)
+    chosen = np.array(made.places)
+    ax.plot(made.position[chosen] / wide[0], data["dip"].values[chosen] / wide[0], "o", color=GUIDE, mfc="none",
+            clip_on=False, label="curves of friction")  # fmt: skip
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    figure.colorbar(drawn, ax=ax, label="Part of the prior variance removed, mean over time", shrink=0.8)
+    remark(figure, surface_maps.stretched(stretch))
     return figure
 
 

@@ -55,7 +55,7 @@ class Histories:
         Standard deviation of the slip rate [m/s].
     initial : (ndarray, ndarray), shapes (p,)
         Initial normal stress and magnitude of the shear stress [Pa].
-    position : ndarray, shape (p,)
+    position : ndarray, shape (p,), of a surface (p, 2)
         [m]
     """
 

@@ -1,8 +1,10 @@
-"""Gaussian prior and posterior of a slip rate along a line and in time, and of unknown clocks, gains and offsets.
+"""Gaussian prior and posterior of a slip rate along an interface and in time, and of unknown clocks, gains and offsets.
 
-The prior covariance is a product of Matern functions of order 5/2 or 3/2 of distance and of time. The eigenvectors of
-both with all but `TAIL` of the variance are the modes Phi of space and Psi of time: V = Phi c Psi' with independent
-normal coefficients c. With B the derivative of the data by the coefficients over the standard deviation of the noise,
+The prior covariance is a product of Matern functions of order 5/2 or 3/2 of distance and of time. On a surface
+distances down dip are scaled by the ratio of both lengths, and both components of the slip rate are independent. The
+eigenvectors of both functions with all but `TAIL` of the variance are the modes Phi of space and Psi of time:
+V = Phi c Psi' with independent normal coefficients c. With B the derivative of the data by the coefficients over the
+standard deviation of the noise,
 the posterior of data d over their standard deviations is computed in the space of the data, or of the coefficients,
 whichever is smaller, by the Cholesky factor L of
 
@@ -16,6 +18,7 @@ Source: Rasmussen and Williams (2006); samples by Matheron's rule, Journel and H
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,7 +40,7 @@ class Prior:
     Attributes
     ----------
     space : ndarray, shape (n, r)
-        [m/s]
+        [m/s]; of a surface its n columns are those of both tangents.
     time : ndarray, shape (knots, s)
     """
 
@@ -49,8 +52,14 @@ class Prior:
         cls, amplitude: float, length: float, time: float, position: Floats, times: Floats, *, tail: float = TAIL,
         order: str = "5/2",
     ) -> Prior:  # fmt: skip
-        """Return the modes for a standard deviation [m/s] and correlation lengths in space [m] and time [s]."""
-        return cls(amplitude * modes(position, length, tail, order), modes(times, time, tail, order))
+        """Return the modes for a standard deviation [m/s] and correlation lengths in space [m] and time [s].
+
+        Positions of the shape (n, 2) are those of a surface, after `stretched`.
+        """
+        space = np.asarray(amplitude * modes(position, length, tail, order), np.float64)
+        if position.ndim == 2:
+            space = np.asarray(np.kron(np.eye(2), space), np.float64)
+        return cls(space, modes(times, time, tail, order))
 
     @property
     def size(self) -> int:
@@ -76,6 +85,10 @@ class Prior:
         time = self.time if weights is None else weights @ self.time
         return np.sqrt(np.outer((time**2).sum(axis=1), (self.space**2).sum(axis=1)))
 
+    def of_columns(self, combine: Callable[[Floats], Floats]) -> Prior:
+        """Return the prior of linear combinations of the columns, a function of rows of columns."""
+        return Prior(np.ascontiguousarray(combine(self.space.T).T), self.time)
+
 
 def matern(distance: Floats, length: float, order: str) -> Floats:
     """Return the Matern correlation of order 5/2 or 3/2 at distances."""
@@ -83,9 +96,16 @@ def matern(distance: Floats, length: float, order: str) -> Floats:
     return np.asarray((1 + scaled + (scaled**2 / 3 if order == "5/2" else 0.0)) * np.exp(-scaled))
 
 
+def stretched(position: Floats, length: float, dip_length: float | None) -> Floats:
+    """Return positions, of a surface scaled down dip so that its correlation length there is `length`, too."""
+    scale = np.array([1.0, length / (dip_length or length)])
+    return position if position.ndim == 1 else np.asarray(position * scale)
+
+
 def modes(points: Floats, length: float, tail: float = TAIL, order: str = "5/2") -> Floats:
     """Return scaled eigenvectors of the Matern covariance of points, shape (points, modes), without a tail."""
-    values, vectors = np.linalg.eigh(matern(points[:, None] - points, length, order))
+    apart = points[:, None] - points
+    values, vectors = np.linalg.eigh(matern(apart if apart.ndim == 2 else np.linalg.norm(apart, axis=2), length, order))
     values, vectors = values[::-1], vectors[:, ::-1]
     beyond = len(points) - np.cumsum(values)
     count = 1 + int(np.argmax(beyond <= max(tail, 1e-14) * len(points)))
@@ -251,9 +271,12 @@ class Posterior:
         squares = np.sum(solve_triangular(self.factor, right, lower=True, check_finite=False) ** 2, axis=0)
         return np.sqrt(np.maximum(1 - squares if self._in_data else squares, 0.0))
 
-    def deviation(self, weights: Floats | None = None) -> Floats:
-        """Return the posterior standard deviation of what `Prior.fields` returns, shape (times, n)."""
-        prior = self.prior
+    def deviation(self, weights: Floats | None = None, prior: Prior | None = None) -> Floats:
+        """Return the posterior standard deviation of what `Prior.fields` returns, shape (times, n).
+
+        It may be that of `Prior.of_columns` of the prior.
+        """
+        prior = prior or self.prior
         time = prior.time if weights is None else weights @ prior.time
         half = self._half[:, : prior.size].reshape(len(self._half), prior.space.shape[1], prior.time.shape[1])
         removed = np.empty((len(time), len(prior.space)))
@@ -292,30 +315,34 @@ def likeliest(
     Parameters
     ----------
     known : dict
-        `amplitude` [m/s], `length` [m] and `time` [s].
+        `amplitude` [m/s], `length` [m] and `time` [s]; of a surface `dip_length` [m], by default `length`.
     rows : Rows
         Up to `SUBSET` of them, chosen at random, are used.
     position, times : ndarray
-        Points of the interface [m] and knots [s].
+        Points of the interface [m], shape (n,) or (n, 2), and knots [s].
     seed : int
     order : str
         Of the covariances.
     """
     from scipy.optimize import minimize, minimize_scalar
 
-    if None not in known.values():
+    dip_length = known.get("dip_length")
+    if all(known[name] is not None for name in ("amplitude", "length", "time")):
         return {name: float(value) for name, value in known.items() if value is not None}
     count = len(rows.values)
     if count > SUBSET:
         rows = rows.some(np.sort(np.random.default_rng(seed).choice(count, SUBSET, replace=False)))
     scaled = rows.values / rows.sigma
-    extents = {"length": np.ptp(position), "time": np.ptp(times)}
+    extents = {"length": float(np.ptp(position, axis=0).max()), "time": float(np.ptp(times))}
     free = [name for name in extents if known[name] is None]
 
     def best(lengths: dict[str, float]) -> tuple[float, float]:
         """Return minus twice the logarithm of the likelihood, and the amplitude."""
-        design = rows.design(Prior.of_lengths(1.0, lengths["length"], lengths["time"], position, times,
-                                              tail=1e-3, order=order))  # fmt: skip
+        scaled_positions = stretched(position, lengths["length"], dip_length)
+        prior = Prior.of_lengths(
+            1.0, lengths["length"], lengths["time"], scaled_positions, times, tail=1e-3, order=order
+        )
+        design = rows.design(prior)
         values, vectors = np.linalg.eigh(design @ design.T)
         values, squares = np.maximum(values, 0.0), (vectors.T @ scaled) ** 2
 
@@ -345,10 +372,19 @@ def likeliest(
         ).x  # fmt: skip
         logarithms = np.clip(logarithms, lowest, highest)
     lengths = lengths_of(logarithms)
-    return {"amplitude": best(lengths)[1], **lengths}
+    return {"amplitude": best(lengths)[1], **lengths, **({} if dip_length is None else {"dip_length": dip_length})}
 
 
 def _spacing(kernels: Floats, position: Floats) -> float:
-    """Return twice the mean distance of the points that sensors see best [m], an eighth of the line for one point."""
-    seen = np.unique(position[np.argmax(np.sum(kernels**2, axis=1), axis=1)[np.any(kernels != 0, axis=(1, 2))]])
-    return 2 * float(np.ptp(seen)) / (len(seen) - 1) if len(seen) > 1 else float(np.ptp(position)) / 8
+    """Return twice the mean distance of the points that sensors see best [m], an eighth of the interface for one point.
+
+    On a surface it is that to the nearest other one.
+    """
+    best = np.argmax(np.sum(kernels**2, axis=1), axis=1)[np.any(kernels != 0, axis=(1, 2))]
+    seen = np.unique(position[best % len(position)], axis=0)  # columns of the second tangent have the same points
+    if len(seen) < 2:
+        return float(np.ptp(position, axis=0).max()) / 8
+    if seen.ndim == 1:
+        return 2 * float(np.ptp(seen)) / (len(seen) - 1)
+    apart = np.linalg.norm(seen[:, None] - seen, axis=2) + np.diag(np.full(len(seen), np.inf))
+    return 2 * float(apart.min(axis=1).mean())

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ruptfx.case import Case
 from ruptfx.many_runs.adjoint.sweeps import Told
 from ruptfx.many_runs.reconstruction.experiment import Experiment
+from ruptfx.many_runs.reconstruction.geometry import Geometry
 from ruptfx.many_runs.reconstruction.law_fit import POSITIONS, SAMPLES, Histories, LawFit, fit_law
-from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest
+from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest, stretched
 from ruptfx.many_runs.reconstruction.responses import Responses
-from ruptfx.many_runs.reconstruction.result import KNOWN, Curves, Reconstruction
+from ruptfx.many_runs.reconstruction.result import KNOWN, Curves, Reconstruction, Surface
 from ruptfx.many_runs.reconstruction.twin import Tractions, Twin
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.progress import Progress, working
@@ -35,8 +36,12 @@ class Solution:
 
     Attributes
     ----------
-    mean, deviation, slip_deviation : ndarray, shape (knots, n)
-    samples : ndarray, shape (samples, knots, n)
+    rates : ndarray, shape (1 + samples, knots, columns)
+        The mean first [m/s].
+    deviation, slip_deviation : ndarray, shape (knots, n)
+        In the direction of the points [m/s], [m].
+    component_deviation : ndarray, shape (knots, columns)
+        Of the slip rate [m/s].
     curves : Curves
     extra, extra_deviation : ndarray, shape (unknowns,)
         Over prior standard deviations.
@@ -47,10 +52,10 @@ class Solution:
         Of the law.
     """
 
-    mean: Floats
+    rates: Floats
     deviation: Floats
     slip_deviation: Floats
-    samples: Floats
+    component_deviation: Floats
     curves: Curves
     extra: Floats
     extra_deviation: Floats
@@ -72,27 +77,34 @@ class Setting:
     tractions: Tractions
     lengths: dict[str, float]
     towards: float
+    chosen: NDArray[np.int64] | None
 
 
 def lengths_of(rows: Rows, twin: Twin, settings: Settings) -> dict[str, float]:
     """Return amplitude, length and time of the prior, on one rank."""
-    known = {name: getattr(settings, name) for name in ("amplitude", "length", "time")}
-    likely = likeliest(known, rows, twin.position, twin.knots.times, order=settings.order)
-    return {name: value if value is not None else parallel.three_digits(likely[name]) for name, value in known.items()}
+    known = {name: getattr(settings, name) for name in ("amplitude", "length", "time", "dip_length")}
+    likely = likeliest(known, rows, twin.geometry.locations, twin.knots.times, order=settings.order)
+    return {name: value if known[name] is not None else parallel.three_digits(value) for name, value in likely.items()}
 
 
 def solve(at: Setting, prior: Prior) -> Solution:
     """Return the posterior of the slip rate, on one rank."""
-    experiment, rows, settings = at.experiment, at.rows, at.settings
+    experiment, rows, settings, geometry = at.experiment, at.rows, at.settings, at.twin.geometry
+    in_direction = prior.of_columns(geometry.along)
     loaded = np.concatenate([sample.values for sample in at.still])
 
     def independent(made: Posterior) -> dict[str, Floats]:
         # Slip is the integral of a slip rate that is linear between the knots and zero before the first interval.
-        deviation, summed = made.deviation(), at.twin.slip(np.eye(len(prior.time)))
-        result = {"factor": made.factor, "deviation": deviation, "slip_deviation": made.deviation(summed)}
+        deviation, summed = made.deviation(prior=in_direction), at.twin.slip(np.eye(len(prior.time)))
+        result = {"factor": made.factor, "deviation": deviation,
+                  "slip_deviation": made.deviation(summed, in_direction),
+                  "component_deviation": deviation if geometry.tangents == 1 else made.deviation()}  # fmt: skip
         spread, of_law = made.spread(settings.samples, settings.seed), made.spread(SAMPLES, settings.seed + 1)
-        for name, each, points in (("", spread, slice(None)), ("law_", of_law, _points_of_law(at, prior, deviation))):
-            fields = (Prior(prior.space[points], prior.time).fields(each),
+        for name, each, points in (
+            ("", spread, slice(None)),
+            ("law_", of_law, _points_of_law(at, in_direction, deviation)),
+        ):
+            fields = (Prior(prior.space[geometry.columns(points)], prior.time).fields(each),
                       *at.tractions.changes(prior.of_modes(each), points))  # fmt: skip
             result |= {f"{name}{of}": values for of, values in zip(FIELDS, fields, strict=True)}
         return result
@@ -104,7 +116,10 @@ def solve(at: Setting, prior: Prior) -> Solution:
             posterior = Posterior(prior, rows, experiment.columns(experiment.split(fit)))
         known = independent(posterior)
     else:
-        about = {**settings.model_dump(mode="json", include={"samples", "seed", "positions"}), "lengths": at.lengths}
+        about = {
+            **settings.model_dump(mode="json", include={"samples", "seed", "positions", "points"}),
+            "lengths": at.lengths,
+        }
         known = at.stored.posterior(prior, rows, about, lambda: independent(Posterior(prior, rows)))
         posterior = Posterior(prior, rows, factor=known["factor"])
     mean = posterior.mean[None]
@@ -112,39 +127,48 @@ def solve(at: Setting, prior: Prior) -> Solution:
     rates, *tractions = (np.concatenate([each, each + known[name]]) for name, each in zip(FIELDS, fields, strict=True))
     begun = time.perf_counter()
     law = None
-    if len(points := _points_of_law(at, prior, known["deviation"])):
+    if len(points := _points_of_law(at, in_direction, known["deviation"])):
+        columns = geometry.columns(points)
         histories = [
             np.concatenate([each, each + known[f"law_{name}"]])
-            for name, each in zip(FIELDS, (values[:, :, points] for values in fields), strict=True)
-        ]
+            for name, each in zip(FIELDS, (fields[0][..., columns], fields[1][..., columns], fields[2][..., points]),
+                                  strict=True)
+        ]  # fmt: skip
         law = _law(at, points, histories, known["deviation"])
     return Solution(
-        rates[0], known["deviation"], known["slip_deviation"], rates[1:], Curves(at.twin.slip(rates), *tractions),
+        rates, known["deviation"], known["slip_deviation"], known["component_deviation"],
+        _curves(geometry, at.twin.slip(rates), *tractions),
         posterior.extra, posterior.extra_deviation, experiment.split(loaded + posterior.fit), law,
         time.perf_counter() - begun,
     )  # fmt: skip
 
 
+def _curves(geometry: Geometry, slip: Floats, shear_traction: Floats, normal_stress: Floats) -> Curves:
+    return Curves(geometry.along(slip), geometry.along(shear_traction), normal_stress)
+
+
 def _points_of_law(at: Setting, prior: Prior, deviation: Floats) -> NDArray[np.int64]:
     """Return the points where the law is fitted: those of the case, or known ones a correlation length apart."""
-    position = at.twin.position
-    if at.settings.positions is not None:
-        return np.unique([int(np.argmin(np.abs(position - each))) for each in at.settings.positions])
+    geometry = at.twin.geometry
+    if at.chosen is not None:
+        return at.chosen
     known = 1 - np.mean(deviation**2, axis=0) / np.mean(prior.deviation() ** 2, axis=0)
-    apart, points, order = max(at.lengths["length"], np.ptp(position) / POSITIONS), list[int](), np.argsort(position)
+    apart, points = max(at.lengths["length"], geometry.apart(POSITIONS)), list[int]()
+    order = np.argsort(geometry.position)
     for each in order[np.argsort(-known[order], kind="stable")]:
-        if known[each] >= KNOWN and all(abs(position[each] - position[one]) >= apart for one in points):
+        if known[each] >= KNOWN and all(geometry.distance(each, one) >= apart for one in points):
             points.append(int(each))
     return np.array(sorted(points), int)
 
 
 def _law(at: Setting, points: NDArray[np.int64], histories: list[Floats], deviation: Floats) -> LawFit | None:
     """Return the law of the case fitted to slip rate, shear traction and normal stress at some points."""
-    twin, (rates, shear, normal) = at.twin, histories
+    twin, geometry, (rates, shear, normal) = at.twin, at.twin.geometry, histories
+    rates, shear = geometry.along(rates, points), geometry.along(shear, points)
     width = max(1, round(0.5 * at.lengths["time"] / twin.knots.interval))
     made = Histories(
         points, twin.knots.times, at.towards * rates, at.towards * shear, normal, deviation[:, points],
-        (twin.normal_stress[points], np.abs(twin.shear_traction[points])), twin.position[points],
+        (twin.normal_stress[points], np.abs(twin.shear_traction[points])), geometry.locations[points],
     )  # fmt: skip
     return fit_law(at.experiment.case, twin.fault.name, made, width)
 
@@ -176,6 +200,8 @@ def reconstruct(
     experiment, begun = Experiment(case), time.perf_counter()
     with working("building the model", show):
         twin = Twin(case, comm, interval=experiment.interval, begin=settings.begin, end=experiment.end)
+    geometry = twin.geometry
+    chosen = geometry.chosen(settings)
     experiment.bind(twin.model)
     experiment.unknowns()  # refused before the first run
     readings = twin.readings(experiment.requests)
@@ -191,25 +217,32 @@ def reconstruct(
     )
     with working("lengths of the prior", show):
         lengths = parallel.on_root(comm, lambda: lengths_of(rows, twin, settings))
-    prior = Prior.of_lengths(**lengths, position=twin.position, times=twin.knots.times, order=settings.order)
+    dip_length = lengths.get("dip_length")
+    prior = Prior.of_lengths(
+        lengths["amplitude"], lengths["length"], lengths["time"],
+        stretched(geometry.locations, lengths["length"], dip_length), twin.knots.times, order=settings.order,
+    )  # fmt: skip
     with Progress(show) as bar:
         tractions = stored.tractions(still, prior, lengths["amplitude"], bar.update)
-    towards = float(np.sign(parallel.total(comm, float(np.sum(twin.fault.shear_traction_0))))) or 1.0
-    at = Setting(experiment, rows, twin, still.samples, settings, stored, tractions, lengths, towards)
+    towards = (float(np.sign(np.sum(twin.shear_traction))) or 1.0) if geometry.tangents == 1 else 1.0
+    at = Setting(experiment, rows, twin, still.samples, settings, stored, tractions, lengths, towards, chosen)
     set_up, begun = time.perf_counter() - begun, time.perf_counter()
     with working("computing mean and deviation", show):
         solution = parallel.on_root(comm, lambda: solve(at, prior))
-    samples, curves = solution.samples, solution.curves
+    mean, samples, curves = solution.rates[0], solution.rates[1:], solution.curves
     solved, begun = time.perf_counter() - begun - solution.seconds, time.perf_counter()
     if settings.positive:  # no sum of modes: one run each
-        samples = towards * np.maximum(towards * samples, 0.0)
+        samples = geometry.without_reverse(samples, towards)
         with Progress(show) as bar:
             motions = [
                 twin.run(readings, each, _part(bar.update, number, len(samples), "run"))
                 for number, each in enumerate(samples)
             ]
+        of_samples = _curves(geometry, *(
+            np.array([getattr(each, name) for each in motions]) for name in ("slip", "shear_traction", "normal_stress")
+        ))  # fmt: skip
         curves = Curves(*(
-            np.array([getattr(curves, name)[0], *(getattr(each, name) for each in motions)])
+            np.concatenate([getattr(curves, name)[:1], getattr(of_samples, name)])
             for name in ("slip", "shear_traction", "normal_stress")
         ))  # fmt: skip
     about = {
@@ -226,10 +259,13 @@ def reconstruct(
             experiment.unknowns(), solution.extra, solution.extra_deviation, strict=True
         )
     }  # fmt: skip
+    surface = None if geometry.dip is None else Surface(
+        geometry, geometry.split(mean), geometry.split(solution.component_deviation), settings.map_times
+    )  # fmt: skip
     return Reconstruction(
-        twin.position, twin.knots.times, solution.mean, solution.deviation, prior.deviation(),
-        solution.slip_deviation, samples, curves, experiment.channels, solution.fit,
-        unknowns, lengths, settings.positions, about, solution.law,
+        twin.position, twin.knots.times, geometry.along(mean), solution.deviation,
+        prior.of_columns(geometry.along).deviation(), solution.slip_deviation, geometry.along(samples), curves,
+        experiment.channels, solution.fit, unknowns, lengths, chosen, about, solution.law, surface,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ruptfx import Table
 from ruptfx.input.quantities import with_prefix
 from ruptfx.many_runs.reconstruction.experiment import Channel
+from ruptfx.many_runs.reconstruction.geometry import Geometry
 from ruptfx.many_runs.reconstruction.law_fit import LawFit
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ KNOWN = 0.5
 """Part of the prior variance that the data remove where a slip rate counts as known."""
 CURVES = 4
 """Number of positions of curves by default."""
+SLIPS, MAPS = 0.1, 6
+"""Part of the peak slip rate from which a surface slips, and number of maps by default."""
 TOO_LARGE = 4.0
 """Standard deviations of the misfit of noise above which a channel is not fitted."""
 
@@ -71,6 +74,39 @@ class Curves:
 
 
 @dataclass(frozen=True)
+class Surface:
+    """Components of the slip rate of a surface; other fields of a result are those in the direction of its points.
+
+    Attributes
+    ----------
+    geometry : Geometry
+    mean, deviation : ndarray, shape (2, knots, n)
+        Along both tangents [m/s].
+    map_times : sequence of float or None
+        Times of maps that the case asks for [s].
+    """
+
+    geometry: Geometry
+    mean: Floats
+    deviation: Floats
+    map_times: Sequence[float] | None = None
+
+    def knots(self, times: Floats, speed: Floats) -> list[int]:
+        """Return the knots of the maps: those next to the times of the case, or some while the surface slips.
+
+        Parameters
+        ----------
+        times : ndarray, shape (knots,)
+        speed : ndarray, shape (knots,)
+            Largest slip rate of all points [m/s].
+        """
+        if self.map_times is not None:
+            return sorted({int(np.argmin(np.abs(times - each))) for each in self.map_times})
+        slips = np.flatnonzero(speed >= SLIPS * speed.max())
+        return sorted({round(each) for each in np.linspace(slips[0], slips[-1], MAPS)})
+
+
+@dataclass(frozen=True)
 class Reconstruction:
     """Slip rate of an interface from data; on all ranks.
 
@@ -93,11 +129,15 @@ class Reconstruction:
     unknowns : dict of str to (float, float, str)
         Mean change of clocks, gains and offsets from the case, standard deviation and unit.
     prior : dict of str to float
-        `amplitude` [m/s], `length` [m], `time` [s].
+        `amplitude` [m/s], `length` [m], `time` [s], of a surface also `dip_length` [m].
+    chosen : ndarray of int or None
+        Points of curves that the case asks for.
     about : Table
         Further entries of the summary.
     law : LawFit or None
         Friction law of the case with parameters that fit; None where nothing slides surely.
+    surface : Surface or None
+        None of a line.
     """
 
     position: Floats
@@ -112,9 +152,10 @@ class Reconstruction:
     fits: Sequence[Floats]
     unknowns: dict[str, tuple[float, float, str]]
     prior: dict[str, float]
-    positions: Sequence[float] | None = None
+    chosen: NDArray[np.int64] | None = None
     about: Table = field(default_factory=dict)
     law: LawFit | None = None
+    surface: Surface | None = None
 
     @cached_property
     def information(self) -> Floats:
@@ -134,18 +175,26 @@ class Reconstruction:
     @cached_property
     def places(self) -> list[int]:
         """Points of the curves, by position: those that were asked for, or those known best, apart from each other."""
-        if self.positions is not None:
-            return sorted({int(np.argmin(np.abs(self.position - each))) for each in self.positions})
-        apart = np.ptp(self.position) / (2 * CURVES)
+        if self.chosen is not None:
+            return [int(each) for each in self.chosen]
+
+        def distance(point: int, other: int) -> float:
+            if self.surface is not None:
+                return self.surface.geometry.distance(point, other)
+            return float(abs(self.position[point] - self.position[other]))
+
+        apart = float(np.ptp(self.position)) / (2 * CURVES)
+        if self.surface is not None:
+            apart = self.surface.geometry.apart(2 * CURVES)
         candidates, result = list(np.argsort(-self.known, kind="stable")), list[int]()
         for each in candidates:
-            if len(result) < CURVES and all(abs(self.position[each] - self.position[one]) >= apart for one in result):
+            if len(result) < CURVES and all(distance(each, one) >= apart for one in result):
                 result.append(int(each))
         return sorted(result, key=lambda each: float(self.position[each]))
 
     @cached_property
     def known_range(self) -> tuple[float, float] | None:
-        """Ends of the part of the interface around its best known point where the slip rate is known [m]."""
+        """Ends of the part of a line around its best known point where the slip rate is known [m]."""
         order = np.argsort(self.position)
         known = self.known[order] >= KNOWN
         best = int(np.argmax(self.known[order]))
@@ -156,6 +205,28 @@ class Reconstruction:
         last = int(min(unknown[unknown > best], default=len(order))) - 1
         along = self.position[order]
         return float(along[first]), float(along[last])
+
+    @cached_property
+    def known_part(self) -> float:
+        """Part of the points, of a surface of its area, where the slip rate is known."""
+        weights = None if self.surface is None else self.surface.geometry.area
+        return float(np.average(self.known >= KNOWN, weights=weights))
+
+    @property
+    def extent(self) -> str | None:
+        """Part of the interface where the slip rate is known, as text; None if there is none."""
+        if self.surface is not None:
+            return f"on {100 * self.known_part:.0f} % of the surface" if self.known_part else None
+        if self.known_range is None:
+            return None
+        first, last = (with_prefix(each, "m") for each in self.known_range)
+        return f"from {first} to {last}"
+
+    def place(self, point: int) -> str:
+        """Return the position of a point as text."""
+        if self.surface is None:
+            return with_prefix(float(self.position[point]), "m")
+        return "(" + ", ".join(with_prefix(float(each), "m") for each in self.surface.geometry.points[point]) + ")"
 
     @cached_property
     def misfits(self) -> Floats:
@@ -198,12 +269,14 @@ class Reconstruction:
         inside = self.known >= KNOWN
         peak, deviation = self.peak
         rms = np.sqrt(np.mean(self.deviation**2, axis=0))
+        ends = None if self.surface is not None else self.known_range
         numbers: Table = {
             "peak_slip_rate": peak, "peak_slip_rate_deviation": deviation,
-            "known_from": None if self.known_range is None else self.known_range[0],
-            "known_to": None if self.known_range is None else self.known_range[1],
+            "known_from": None if ends is None else ends[0], "known_to": None if ends is None else ends[1],
+            "known_part": self.known_part,
             "relative_deviation": float(np.median(rms[inside if inside.any() else slice(None)])) / max(peak, 1e-300),
-            "best_position": float(self.position[best]),
+            "best_position": float(self.position[best]) if self.surface is None
+            else self.surface.geometry.points[best].tolist(),
             "final_slip": float(curves.slip[0, -1, best]), "final_slip_deviation": float(self.slip_deviation[-1, best]),
             "breakdown_work": float(breakdown[0]),
             "breakdown_work_deviation": float(np.sqrt(np.mean((breakdown[1:] - breakdown[0]) ** 2))),
@@ -222,20 +295,19 @@ class Reconstruction:
 
     def verdict(self, numbers: Table) -> str:
         """Return the result in one sentence with numbers."""
-        if self.known_range is None:
+        if self.extent is None:
             return (
                 "The data leave more than half of the prior variance of the slip rate everywhere "
                 f"({100 * (1 - float(self.known.max())):.0f} % at best); they are fitted to {numbers['misfit']:.3g} "
                 "times noise."
             )
-        first, last = (with_prefix(each, "m") for each in self.known_range)
-        place, slip = (with_prefix(numbers[name], "m") for name in ("best_position", "final_slip"))
+        place, slip = self.place(int(np.argmax(self.known))), with_prefix(numbers["final_slip"], "m")
         work, spread = numbers["breakdown_work"], numbers["breakdown_work_deviation"]
         peak = f"{numbers['peak_slip_rate']:.3g} +- {numbers['peak_slip_rate_deviation']:.2g} m/s"
         unsure = "" if work > 2 * spread else " (not resolved)"
         return (
             f"Slip rate known to {100 * numbers['relative_deviation']:.2g} % of its peak, "
-            f"{peak}, from {first} to {last}; "
+            f"{peak}, {self.extent}; "
             f"at {place} slip {slip} +- {with_prefix(numbers['final_slip_deviation'], 'm', 2)} and breakdown work "
             f"{work:.3g} +- {spread:.2g} J/m2{unsure}; weakening within less than "
             f"{with_prefix(numbers['resolved_slip'], 'm', 2)} of slip is not resolved; the data are fitted to "
@@ -246,7 +318,8 @@ class Reconstruction:
         """Return all fields with positions, times and units."""
         import xarray
 
-        curves, grid = self.curves, ("time", "position")
+        curves, axis = self.curves, "position" if self.surface is None else "point"
+        grid = ("time", axis)
         fields = {
             "slip_rate": (self.mean, "m/s", "slip rate, mean"),
             "slip_rate_deviation": (self.deviation, "m/s", "slip rate, standard deviation"),
@@ -262,6 +335,13 @@ class Reconstruction:
             "friction_deviation": (curves.deviation(curves.friction), "1",
                                    "shear traction over normal stress, standard deviation of the samples"),
         }  # fmt: skip
+        if self.surface is not None:
+            for k in (0, 1):
+                text = f"slip rate along tangent {k + 1}"
+                fields[f"slip_rate_{k + 1}"] = (self.surface.mean[k], "m/s", f"{text}, mean")
+                fields[f"slip_rate_{k + 1}_deviation"] = (
+                    self.surface.deviation[k], "m/s", f"{text}, standard deviation"
+                )  # fmt: skip
         data: dict[str, object] = {
             name: (grid, values, {"units": unit, "long_name": text}) for name, (values, unit, text) in fields.items()
         }
@@ -283,6 +363,10 @@ class Reconstruction:
                                                       "normal stress while it slides"})  # fmt: skip
         coordinates = {
             "time": ("time", self.times, {"units": "s"}),
-            "position": ("position", self.position, {"units": "m"}),
+            "position": (axis, self.position, {"units": "m"}),
         }
+        if self.surface is not None:
+            geometry = self.surface.geometry
+            columns = zip(("x", "y", "z", "dip"), [*geometry.points.T, geometry.dip], strict=True)
+            coordinates |= {name: (axis, values, {"units": "m"}) for name, values in columns}
         return xarray.Dataset(data, coordinates, {"positivity": str(self.about.get("positivity", ""))})

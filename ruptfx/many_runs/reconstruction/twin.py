@@ -38,6 +38,7 @@ from ruptfx.many_runs.adjoint.sweeps import (
     scaled_jump,
 )
 from ruptfx.many_runs.adjoint.unknowns import whole
+from ruptfx.many_runs.reconstruction.geometry import Geometry
 from ruptfx.platform import fem, parallel
 from ruptfx.readings.misfits import Request, Sample, Trace
 from ruptfx.run.model import Model
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from ruptfx.stepping.steppers.leapfrog import Leapfrog, LeapfrogMotion
 
 Floats = NDArray[np.float64]
-PLANES = ("strain", "stress", "antiplane")
+PLANES = ("strain", "stress", "antiplane", "solid")
 FIRST = 2
 """Steps at the start whose coefficients differ from those of all others; slip begins after them."""
 ROUNDING = 1e-10
@@ -95,6 +96,16 @@ class Knots:
         """Steps until the interface is known at the last knot."""
         return self.first + self.count * self.every + 2
 
+    def lags(self, times: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Return the last knot on which readings at times depend, negative before the first, and their delays.
+
+        Delays are in intervals after the beginning of the rise to that knot. They are negative within the last step
+        before it: velocities and accelerations are interpolated between times that are up to a step later.
+        """
+        at = (times - self.begin) / self.interval
+        lag = np.floor(at + 1 / self.every + ALIGNED).astype(int)
+        return lag, at - lag
+
     @property
     def hat(self) -> Floats:
         """Slip rate in the middle of the steps from `first` on where the first knot is 1 and all others are 0."""
@@ -116,10 +127,10 @@ class Motion:
     Attributes
     ----------
     samples : list of Sample
-    slip : ndarray, shape (knots, n)
+    slip : ndarray, shape (knots, columns)
         [m]
-    tractions : ndarray, shape (2, 1 + knots, n)
-        Shear traction and normal stress, compression positive, from the beginning of the first interval on [Pa].
+    tractions : ndarray, shape (tangents + 1, 1 + knots, n)
+        Shear tractions and normal stress, compression positive, from the beginning of the first interval on [Pa].
     """
 
     samples: list[Sample]
@@ -128,13 +139,13 @@ class Motion:
 
     @property
     def shear_traction(self) -> Floats:
-        """Shear traction at the knots."""
-        return np.asarray(self.tractions[0, 1:])
+        """Shear traction at the knots, shape (knots, columns)."""
+        return np.concatenate(self.tractions[:-1, 1:], axis=-1)
 
     @property
     def normal_stress(self) -> Floats:
         """Normal stress at the knots."""
-        return np.asarray(self.tractions[1, 1:])
+        return np.asarray(self.tractions[-1, 1:])
 
 
 class Twin:
@@ -156,15 +167,15 @@ class Twin:
     model : Model
         Its interface has neither friction nor nucleation.
     knots : Knots
-    position : ndarray, shape (n,)
-        Points of the interface in their order [m].
+    geometry : Geometry
+        Points of the interface.
     normal_stress, shear_traction : ndarray, shape (n,)
-        Initial stresses there [Pa].
+        Initial stresses there, the shear traction in the direction of the points [Pa].
 
     Raises
     ------
     CaseError
-        On all ranks: what is not linear, or no single line.
+        On all ranks: what is not linear, or no single interface.
     """
 
     def __init__(
@@ -183,10 +194,16 @@ class Twin:
         self._mobility = mobility[-1]
         refuse_coupled_points(self.model, self._mobility)
         face = self.fault.interface
-        self.position = whole(self.model, face, face.position)
-        self.weight = whole(self.model, face, face.weight)
+        self.geometry = Geometry.of_fault(self.model, self.fault)
         self.normal_stress = whole(self.model, face, self.fault.normal_stress_0)
-        self.shear_traction = whole(self.model, face, self.fault.shear_traction_0[:, 0])
+        self.shear_traction = self.geometry.along(
+            np.concatenate([whole(self.model, face, each) for each in self.fault.shear_traction_0.T])
+        )
+
+    @property
+    def position(self) -> Floats:
+        """Positions of the points along the interface [m]."""
+        return self.geometry.position
 
     def readings(self, requests: Sequence[Request]) -> Readings:
         """Return the readings of a run; collective.
@@ -206,7 +223,7 @@ class Twin:
         return Readings(self.model, self.knots.dt, self.knots.steps, requests)
 
     def lags(self, readings: Readings, number: int, clock: str, tell: Told = lambda done, text: None) -> Floats:
-        """Return the reading of a source from a slip rate of 1 m/s during one step, shape (steps, n); collective.
+        """Return the reading of a source from a slip rate of 1 m/s in one step, shape (steps, columns); collective.
 
         Row l has the reading after the step that is l steps later.
 
@@ -225,16 +242,21 @@ class Twin:
             fields.add("displacement" if clock == "displacement" else "velocity", places, weights)
         compliance = np.einsum("ikc,ic->ik", face.rows**2, self._inverse())
         compliance = np.maximum(compliance, 1e-8 * compliance.max(initial=1e-100))  # as `impedances`
-        own = np.zeros((steps, len(face.weight)))
+        own = np.zeros((steps, face.tangents, len(face.weight)))
         for lag in range(steps):
             fields.drift()
             factors = scaled_jump(face, fields.b, self._mobility) / compliance
-            own[lag] = factors[:, -1]
+            own[lag] = factors[:, -face.tangents :].T
             add_jump(face, fields.b, None, -factors.T)
             fields.step(FIRST)
             tell((lag + 1) / steps, f"backward  step {lag + 1} of {steps}")
-        result = np.zeros((steps, face.total))
-        result[:, face.number[face.owned]] = own[:, face.owned]
+        return self._gathered(own).reshape(steps, -1)
+
+    def _gathered(self, own: Floats) -> Floats:
+        """Return values at all points from those of every rank, shape (..., n); collective."""
+        face = self.fault.interface
+        result = np.zeros((*own.shape[:-1], face.total))
+        result[..., face.number[face.owned]] = own[..., face.owned]
         return parallel.total(self.model.comm, result)
 
     def _inverse(self) -> Floats:
@@ -242,17 +264,17 @@ class Twin:
         return np.asarray(nodal[face.plus] + (0 if face.one_sided else nodal[face.minus]))
 
     def kernel(self, readings: Readings, number: int, lags: dict[str, Floats], phase: float) -> Floats:
-        """Return a trace from a first knot of 1 m/s, at times `phase` intervals after the knots, shape (knots, n).
+        """Return a trace from a first knot of 1 m/s, at times `phase` intervals after the knots, (knots, columns).
 
         Parameters
         ----------
         readings : Readings
         number : int
             Of the request.
-        lags : dict of ndarray, shape (steps, n)
+        lags : dict of ndarray, shape (steps, columns)
             Of its sources, by clock.
         phase : float
-            Zero or more and less than one.
+            From minus a step over the interval to one minus that.
         """
         knots, series = self.knots, {}
         for clock, values in lags.items():
@@ -265,9 +287,9 @@ class Twin:
         return readings.trace_of(number, series, times)
 
     def traction_kernels(self, still: Motion, shapes: Floats, tell: Told = lambda done, text: None) -> Floats:
-        """Return the kernels of `Tractions` of modes of space, shape (n, modes), by one run each; collective."""
+        """Return the kernels of `Tractions` of modes of space, shape (columns, modes), by one run each; collective."""
         nothing, count = Readings(self.model, self.knots.dt, self.knots.steps, []), shapes.shape[1]
-        result = np.zeros((2, 1 + self.knots.count, *shapes.shape))
+        result = np.zeros((*still.tractions.shape, count))
         slip_rate = np.zeros((self.knots.count, len(shapes)))
         for mode in range(count):
             slip_rate[0] = shapes[:, mode]
@@ -278,18 +300,19 @@ class Twin:
         return result
 
     def slip(self, slip_rate: Floats) -> Floats:
-        """Return the slip at the knots of slip rates, shape (..., knots, n) [m]: it is linear between them."""
+        """Return the slip at the knots of slip rates, shape (..., knots, columns) [m]: it is linear between them."""
         return np.asarray(self.knots.interval * (np.cumsum(slip_rate, axis=-2) - 0.5 * slip_rate))
 
     def run(self, readings: Readings, slip_rate: Floats | None = None, tell: Told = lambda done, text: None) -> Motion:
-        """Make a run with known loads and a slip rate at the knots, shape (knots, n); without it nothing slips."""
-        knots, face = self.knots, self.fault.interface
-        count = len(face.weight)
-        self._slip.values = np.zeros((knots.steps + 2, count))
+        """Make a run with known loads and a slip rate at the knots, (knots, columns); without it nothing slips."""
+        knots, face, fault = self.knots, self.fault.interface, self.fault
+        count, tangents = len(face.weight), face.tangents
+        self._slip.values = np.zeros((knots.steps + 2, count, tangents))
         if slip_rate is not None:
-            in_steps = knots.dt * knots.in_steps(slip_rate[:, face.number])
+            in_steps = knots.dt * knots.in_steps(slip_rate[:, self.geometry.columns(face.number)])
+            in_steps = np.moveaxis(in_steps.reshape(len(in_steps), tangents, count), 1, 2)
             self._slip.values[1:] = np.concatenate([np.cumsum(in_steps, axis=0), in_steps.sum(axis=0)[None]])
-        own = np.zeros((3, 1 + knots.count, count))
+        own = np.zeros((2 * tangents + 1, 1 + knots.count, count))
         state = self.model.initial_state()
         readings.observe(0, state)
         for step in range(1, knots.steps + 1):
@@ -297,16 +320,15 @@ class Twin:
             readings.observe(step, state)
             knot, odd = divmod(step - 1 - knots.first, knots.every)
             if not odd and 0 <= knot <= knots.count:
-                fields, fault = state.faults[self.fault.name], self.fault
+                fields = state.faults[fault.name]
                 own[:, knot] = (
-                    fault.components(fields, "slip")[:, 0], fault.components(fields, "shear_traction")[:, 0],
+                    *fault.components(fields, "slip").T, *fault.components(fields, "shear_traction").T,
                     fields["normal_stress"],
                 )  # fmt: skip
             tell(step / knots.steps, f"run  step {step} of {knots.steps}")
-        result = np.zeros((3, 1 + knots.count, face.total))
-        result[:, :, face.number[face.owned]] = own[:, :, face.owned]
-        slip, *tractions = parallel.total(self.model.comm, result)
-        return Motion(readings.samples(), slip[1:], np.array(tractions))
+        result = self._gathered(own)
+        slip = np.concatenate(result[:tangents, 1:], axis=-1)
+        return Motion(readings.samples(), slip, result[tangents:])
 
 
 @dataclass(frozen=True)
@@ -315,10 +337,10 @@ class Tractions:
 
     Attributes
     ----------
-    shear_traction, normal_stress : ndarray, shape (knots, n)
+    shear_traction, normal_stress : ndarray, shapes (knots, columns) and (knots, n)
         Of a run without slip [Pa].
-    kernels : ndarray, shape (2, 1 + knots, n, modes)
-        Changes of both by the mode of 1 m/s at the first knot, from one knot before it on [Pa s/m]: a traction is that
+    kernels : ndarray, shape (tangents + 1, 1 + knots, n, modes)
+        Changes of all by the mode of 1 m/s at the first knot, from one knot before it on [Pa s/m]: a traction is that
         between two steps, and the slip rate of the second one is already that of the next interval.
     """
 
@@ -327,7 +349,7 @@ class Tractions:
     kernels: Floats
 
     def of(self, rates: Floats, points: NDArray[np.int64] | slice = slice(None)) -> tuple[Floats, Floats]:
-        """Return shear traction and normal stress, shapes (samples, knots, points) [Pa].
+        """Return shear traction and normal stress, shapes (samples, knots, columns) and (samples, knots, points) [Pa].
 
         Parameters
         ----------
@@ -337,7 +359,8 @@ class Tractions:
             Points of the interface.
         """
         shear, normal = self.changes(rates, points)
-        return self.shear_traction[:, points] + shear, self.normal_stress[:, points] + normal
+        still = self.shear_traction.reshape(len(self.shear_traction), len(self.kernels) - 1, -1)[..., points]
+        return still.reshape(len(still), -1) + shear, self.normal_stress[:, points] + normal
 
     def changes(self, rates: Floats, points: NDArray[np.int64] | slice = slice(None)) -> tuple[Floats, Floats]:
         """Return what `of` returns without the tractions of a run without slip: linear in the rates."""
@@ -353,22 +376,22 @@ class Tractions:
                 continue
             both = fft.rfft(kernel, length, axis=0) @ spectrum
             results.append(np.moveaxis(fft.irfft(both, length, axis=0)[1 : knots + 1], -1, 0))
-        return results[0], results[1]
+        return np.concatenate(results[:-1], axis=-1), results[-1]
 
 
 class _Slip:
     """Slip at the points of this rank after every step, which runs exchange."""
 
     dt = 1.0
-    values: Floats = np.zeros((1, 1))
+    values: Floats = np.zeros((1, 1, 1))
 
     def at(self, time: float) -> Floats:
-        """Return the slip at the beginning of a step [m], shape (n, 1)."""
-        return np.asarray(self.values[min(round(time / self.dt), len(self.values) - 1), :, None])
+        """Return the slip at the beginning of a step [m], shape (n, tangents)."""
+        return np.asarray(self.values[min(round(time / self.dt), len(self.values) - 1)])
 
 
 def _refuse(model: Model) -> None:
-    """Refuse what is not linear, and interfaces that are no single line.
+    """Refuse what is not linear, and several interfaces.
 
     Raises
     ------
@@ -376,7 +399,7 @@ def _refuse(model: Model) -> None:
     """
     case = model.case
     if case.plane not in PLANES:
-        raise CaseError(f"plane = '{case.plane}': reconstruct knows lines in 'strain', 'stress' and 'antiplane'; use "
+        raise CaseError(f"plane = '{case.plane}': reconstruct knows 'strain', 'stress', 'antiplane' and 'solid'; use "
                         "one of these, or ruptfx infer")  # fmt: skip
     refuse(_with(model, prescribed=None, nucleation=(), cohesion=None))
     if len(model.faults) > 1:
@@ -404,11 +427,11 @@ def _held(model: Model, slip: _Slip) -> Model:
 
     def prescribed(fault: Fault) -> PrescribedSlip:
         count = len(fault.interface.weight)
-        still = np.zeros((count, 1))
+        still = np.zeros((count, fault.tangents))
         return PrescribedSlip([History(np.ones(count, bool), slip.at, lambda time: still, np.zeros(count))])
 
     (fault,) = model.faults
-    slip.values = np.zeros((1, len(fault.interface.weight)))
+    slip.values = np.zeros((1, len(fault.interface.weight), fault.tangents))
     law = Coulomb(mu_d=0.0).at(fault.interface.locations)
     return _with(
         model,
@@ -441,7 +464,7 @@ def _knots(model: Model, interval: float, begin: float, end: float) -> Knots:
                 "it; remove time_step, or set reconstruction.interval to a multiple"
             )
     first = max(int(np.ceil(begin / dt * (1 - ALIGNED))), FIRST)
-    count = int(np.ceil((end - first * dt) / interval + 2 / every))
+    count = int(np.ceil((end - first * dt) / interval + 2 / every - ALIGNED))  # rounding adds no knot
     if end <= first * dt:
         raise CaseError(f"reconstruction.begin = {begin:.6g} s: the data end at {end:.6g} s, before any slip; set "
                         "begin to an earlier time")  # fmt: skip

@@ -246,7 +246,9 @@ class Reconstruction(Part):
     amplitude: Speed | None = None
     """Prior standard deviation of the slip rate."""
     length: Length | None = None
-    """Correlation length of the slip rate along the interface."""
+    """Correlation length of the slip rate along the interface, of a surface along its strike."""
+    dip_length: Length | None = None
+    """Correlation length down the dip of a surface; default is `length`."""
     time: Duration | None = None
     """Correlation time of the slip rate."""
     order: Literal["5/2", "3/2"] = "5/2"
@@ -266,6 +268,11 @@ class Reconstruction(Part):
     positions: Annotated[list[float], Field(min_length=1), Unit("m")] | None = None
     """Positions of the curves of traction against slip; default are four where the slip rate is known best.
     The friction law of the case is fitted there, by default at up to 12 of known slip rate."""
+    points: Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=1),
+                      Unit("m")] | None = None  # fmt: skip
+    """The same in 3D: points of the surface, each [x, y, z]."""
+    map_times: Annotated[list[float], Field(min_length=1), Unit("s")] | None = None
+    """Times of the maps of a surface; default are six while it slips."""
 
 
 if TYPE_CHECKING:
