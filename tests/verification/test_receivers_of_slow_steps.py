@@ -51,7 +51,7 @@ def test_section_that_repeats_gives_the_ground_above_a_vertical_fault() -> None:
 
     def bell(z: np.ndarray, depth: np.ndarray) -> np.ndarray:
         inside = (np.abs(z) < 6e3) & (np.abs(depth - 5e3) < 4e3)
-        return inside * np.cos(np.pi * z / 12e3) ** 2 * np.cos(np.pi * (depth - 5e3) / 8e3) ** 2
+        return np.asarray(inside * np.cos(np.pi * z / 12e3) ** 2 * np.cos(np.pi * (depth - 5e3) / 8e3) ** 2)
 
     slip = np.column_stack([bell(z, depth), np.zeros(len(z))])
     strike, away = np.array([0.0, 4e3, -2e3, 0.0]), np.array([2e3, 3e3, 5e3, 8e3])
