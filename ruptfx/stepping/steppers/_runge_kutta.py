@@ -28,16 +28,22 @@ Answer = TypeVar("Answer")
 
 
 def attempt(
-    slope: Callable[[float, np.ndarray], tuple[np.ndarray, Answer]], start: np.ndarray, dt: float
-) -> tuple[np.ndarray, np.ndarray, Answer]:
+    slope: Callable[[float, np.ndarray], tuple[np.ndarray, Answer]], start: np.ndarray, dt: float,
+    first: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, Answer]:  # fmt: skip
     """Return the end of a step, its absolute error, and the second value of `slope` at the end.
 
     Parameters
     ----------
     slope : callable, (part of the step, y) -> (dy/dt, Answer)
+    first : ndarray, optional
+        Slope at the start where it is known: that of the last stage of the step before.
     """
     slopes = np.zeros((len(NODES), *start.shape))
     for stage, (part, weights) in enumerate(zip(NODES, WEIGHTS, strict=True)):
+        if stage == 0 and first is not None:
+            slopes[0] = first
+            continue
         y = start + dt * np.tensordot(weights, slopes[:stage], 1)
         slopes[stage], answer = slope(part, y)
     return y, np.abs(dt * np.tensordot(ERROR, slopes, 1)), answer
