@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -467,3 +469,22 @@ def test_other_laws_do_not_depend_on_temperature() -> None:
     model = parse_case({"kind": "spring_slider", "experiment": {"kind": "temperatures"}})
     with pytest.raises(CaseError, match=facts(r"friction\.kind = 'rate_and_state_ageing'.*'rate_and_state_thermal'")):
         model.run()
+
+
+def test_a_solver_that_keeps_short_steps_begins_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At K/K_c = 0.9 LSODA starts within a slip and keeps steps of 4e-7 s: 3e8 for 106 s; begun again it ends."""
+    from ruptfx.lumped.spring_slider import slider as module
+
+    steps, count = module._steps, itertools.count()
+
+    def counted(*arguments: object) -> Iterator[object]:
+        for each in steps(*arguments):  # type: ignore[arg-type]
+            assert next(count) < 100_000
+            yield each
+
+    monkeypatch.setattr(module, "_steps", counted)
+    table = {"kind": "spring_slider", "normal_force": 16.0, "stiffness": 1e6, "mass": 1.63, "friction": {
+        "kind": "rate_and_state_ageing", "a": 0.013, "b": 0.026, "D_c": 0.42e-6, "f_0": 0.36, "V_0": 1e-6,
+    }, "experiment": {"kind": "bifurcation", "ratios": [0.8, 0.9]}}  # fmt: skip
+    amplitude = parse_case(table).run().amplitude.values
+    assert amplitude == pytest.approx([0.2293, 0.1958], rel=0.01)  # each begun near steady sliding: 0.2293, 0.1958

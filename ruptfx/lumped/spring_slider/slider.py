@@ -28,6 +28,7 @@ from ruptfx.laws.friction.rate_and_state_base import RateAndState
 RUNAWAY = 1.0  # m/s; a quasi-static slider as fast as this would be held back by its inertia
 SHORT = 1e-11  # of the time since the start of a solver; its shortest step is ten spacings, 2e-15
 MOST_RENEWALS = 200  # of a solver between two samples; the end of a slip takes a few
+STALLED = 20_000  # steps of a solver between two samples; a slip takes a few thousand
 STUCK = 10_000  # evaluations at one time; SciPy's LSODA in Fortran goes on for ever where rates are infinite
 Signal = float | np.ndarray | Callable[[float], Any]
 
@@ -196,12 +197,13 @@ def _steps(
     """Yield after every step the time from which the solver counts its own [s], and the solver.
 
     The end of a slip is shorter than the spacing of late times: a solver begins again there, with a time from zero.
+    So does one that keeps a step much shorter than its errors need, as LSODA may that starts within a slip.
     """
     begin, methods, renewals, sampled = times[0], [LSODA, Radau], 0, 1
     while True:
         rates.begin_at(begin)
         solver = methods[0](rates, 0.0, state, times[-1] - begin, max_step=longest_step, rtol=rtol, atol=rtol)
-        message, passed = None, 0.0
+        message, passed, stalled = None, 0.0, 0
         while message is None:
             message = solver.step()
             if message is not None or not np.isfinite(solver.y).all():
@@ -210,10 +212,10 @@ def _steps(
             passed, state = solver.t, solver.y.copy()
             yield begin, solver
             before, sampled = sampled, int(np.searchsorted(times, begin + passed, side="right"))
-            renewals = 0 if sampled > before else renewals
+            renewals, stalled = (0, 0) if sampled > before else (renewals, stalled + 1)
             if solver.status == "finished" or sampled == len(times):
                 return
-            if solver.t - solver.t_old < SHORT * solver.t:
+            if solver.t - solver.t_old < SHORT * solver.t or stalled > STALLED:
                 break
         begin, renewals = begin + passed, renewals + 1
         if passed > 0 and renewals < MOST_RENEWALS:
