@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -439,6 +440,22 @@ def test_no_allocation_per_step(kind: str) -> None:
     tracemalloc.stop()
     # Small Python objects of the call come and go, some 4 kB; one vector of this mesh takes more than 12 kB.
     assert displacement.nbytes > 12000 and peak < 6000
+
+
+@fused
+@pytest.mark.parametrize("real", [np.float64, np.float32], ids=["double", "single"])
+def test_subnormal_numbers_count_as_zero_in_steps_only(kind: str, real: type) -> None:
+    """Processors compute with them many times more slowly; ahead of waves all numbers are subnormal for a while."""
+    bulk = replace(make_bulk(SETTINGS[3]), real=np.dtype(real))
+    operator = operators.create(kind, bulk)
+    nodes = local_size(bulk) // 2
+    operator.prepare_step(np.zeros(nodes, dtype=bool))
+    displacement, force = np.zeros(2 * nodes), np.zeros(2 * nodes, dtype=real)
+    velocity = np.full(2 * nodes, np.finfo(real).tiny / 4, dtype=real)
+    operator.step(displacement, velocity, force, np.ones(nodes, dtype=real), 0.1)
+    own = ~np.repeat(shared_nodes(bulk), 2)
+    assert not velocity[own].any() and not displacement[own].any()
+    assert np.finfo(real).tiny * real(0.25) > 0  # arithmetic after the step is as before it
 
 
 @fast
