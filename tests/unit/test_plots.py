@@ -689,3 +689,13 @@ def test_numbered_colours_are_those_of_the_style_when_saved_as_usual(tmp_path):
         figure.savefig(tmp_path / "picture.png")
     pixels = np.asarray(Image.open(tmp_path / "picture.png").convert("RGB"))
     assert pixels.shape == (100, 200, 3) and tuple(pixels[45, 110]) == (0x00, 0x72, 0xB2)
+
+
+def test_a_graded_lattice_in_any_order_has_no_holes() -> None:
+    """Elements that grow towards the rim: long sides there are no bridges; without one corner they may be."""
+    line = np.concatenate([-np.array([4.0, 2.0]), np.linspace(-1, 1, 21), [2.0, 4.0]])
+    x, y = (each.ravel() for each in np.meshgrid(line, line))
+    order = np.random.default_rng(1).permutation(len(x))
+    assert not np.any(_surface_maps.triangulated(x[order], y[order]).mask)
+    some = (x < 2) | (y < 2)
+    assert np.any(_surface_maps.triangulated(x[some], y[some]).mask)

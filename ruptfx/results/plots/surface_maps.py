@@ -151,9 +151,14 @@ def contours(  # noqa: PLR0913
 def triangulated(x: Array, y: Array) -> Triangulation:
     """Return the triangles between points, without those that bridge a concave part of the outline.
 
-    These have a side much longer than sides usually are at one of its ends.
+    These have a side much longer than sides usually are at one of its ends. A complete lattice, in any order and graded
+    in any way, has no such part.
     """
     triangles = Triangulation(x, y)
+    lines = [len(np.unique(np.round((each - each.min()) / (np.ptp(each) or 1.0), 6))) for each in (x, y)]
+    if lines[0] * lines[1] == len(x):
+        triangles.set_mask(np.zeros(len(triangles.triangles), dtype=bool))
+        return triangles
     ends = triangles.edges
     length = np.hypot(np.diff(triangles.x[ends], axis=1), np.diff(triangles.y[ends], axis=1))[:, 0]
     at, of = np.concatenate(ends.T), np.concatenate([length, length])
