@@ -363,6 +363,7 @@ COMMANDS = (
             "slide_hold_slide", "stability", "stick_slip", "loading_unloading", "frequency_response", "modulated_load",
             "modulated_speed", "temperatures")},
         "slider_bifurcation": "bifurcation_rate_and_state_saturating/figures/bifurcation",
+        "slider_bifurcation_ageing": "bifurcation_rate_and_state_ageing/figures/bifurcation",
     }),
     Command("lecture_cases.py", {"lecture_cases": "modes"}),
     Command("stress_barrier.py", {"stress_barrier": "stress_barrier/figures/front"}),
