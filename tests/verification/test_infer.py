@@ -797,7 +797,8 @@ def test_doubts_name_the_opposite_sign_and_the_time() -> None:
 @pytest.mark.parametrize("scale, ends", [("linear", [8.0, 12.0]), ("log", [10 * np.exp(-2), 10 * np.exp(2)])])
 def test_the_band_of_the_prior_is_a_standard_deviation_to_both_sides(scale: str, ends: list[float]) -> None:
     each = SimpleNamespace(
-        unknown=SimpleNamespace(key="k", sigma=2.0, scale=scale, shape="number"), place=SimpleNamespace(unit="Pa"),
+        unknown=SimpleNamespace(key="k", sigma=2.0, scale=scale, shape="number"),
+        place=SimpleNamespace(unit="Pa", of_points=True),
         position=np.zeros(1), start=np.array([10.0]), values=lambda part: np.array([11.0]), at_bound=lambda part: False,
     )  # fmt: skip
     search: Any = SimpleNamespace(_posterior=None, evaluator=SimpleNamespace(split=lambda z: [(each, z)]))
