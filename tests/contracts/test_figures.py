@@ -300,6 +300,21 @@ def test_states_of_points_in_any_order_are_at_their_places(records, monkeypatch)
     np.testing.assert_allclose(share, [9 / 80, 0.0, 63.5 / 80, 7.5 / 80], atol=0.004)
 
 
+@pytest.mark.parametrize("name", ["contact_maps", "rupture_map", "slip_rate_maps"])
+def test_maps_of_bodies_that_slide_are_along_and_across_them(name, records):
+    """Only maps of faults go down dip."""
+    named = {ax.get_ylabel() for ax in np.ravel(plots.FIGURES[name](records["sliding surface"]))} - {""}
+    assert named == {"Across (km)"}
+
+
+@pytest.mark.parametrize(("window", "lines"), [(1e-12, 0), (1e9, 1)])
+def test_the_force_of_every_record_is_explained_where_it_is_drawn(window, lines, records):
+    """Grey is beside the mean only where both differ."""
+    axes = plots.forces(records["sliding surface"], window=window)
+    assert sum(line.get_color() == "#bbbbbb" for line in axes[0].lines) == lines
+    assert ("Grey" in plots.remarks(axes)) == bool(lines)
+
+
 def test_the_shear_force_of_a_surface_is_that_along_its_largest(records):
     """Components of 0.6 and 0.8 of 0.4 MN."""
     lines = plots.forces(records["sliding surface"])[0].lines

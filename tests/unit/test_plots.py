@@ -671,7 +671,7 @@ def test_maps_of_a_plate_are_stretched_until_their_labels_fit(tmp_path, name):
         figure.draw_without_rendering()
         for ax in np.atleast_1d(axes).flat:
             assert ax.yaxis.label.get_window_extent().height <= 1.02 * ax.get_window_extent().height
-        assert "Down dip stretched 6.8 times." in remarks(figure)
+        assert "Vertical axis stretched 6.8 times." in remarks(figure)
     with Record(synthetic.write_surface_run(tmp_path / "equal")) as record:
         assert "stretched" not in remarks(plots.figure_of(plots.FIGURES[name](record)))
 

@@ -71,7 +71,7 @@ def contact(record: Record) -> Film:
     extent = left / lengths[0], right / lengths[0], bottom / lengths[0], top / lengths[0]
     look: dict[str, Any] = {"cmap": RATE_MAP, "vmin": 0.0, "vmax": float(pressure.max()) / size or 1.0}
     return Film(
-        time, image, extent, along, across.replace("Down dip", "Across"), f"Pressure ({unit})", look, move=move,
+        time, image, extent, along, across, f"Pressure ({unit})", look, move=move,
         remark=f"Arrows: slip, the longest {largest / slip_size:.3g} {slip_unit}." if largest else "",
         below=partial(_area, data),
     )  # fmt: skip

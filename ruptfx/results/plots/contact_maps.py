@@ -63,7 +63,7 @@ def contact_maps(
             _draw_pressure(sheet, ax, data, row, lengths)
         else:
             _draw_slip(sheet, ax, data, row, lengths, box)
-        along, across = (label.replace("Down dip", "Across") for label in _surface.axis_names(data, lengths))
+        along, across = _surface.axis_names(data, lengths)
         ax.set(xlabel=along, ylabel=across if ax is axes[0] else "", aspect="equal", anchor="S")
         ax.set(xlim=np.array(box[0]) / lengths[0], ylim=np.array(box[1][::-1]) / lengths[0])
     t_size, t_unit = sheet.scale("time", saved, "s")

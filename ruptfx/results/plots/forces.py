@@ -17,6 +17,7 @@ from ruptfx.results.record import Data, Files
 PANELS = ("forces", "states")
 DROP, BEND = 0.05, 0.01  # of the normal force: smallest drop, and tolerance of the polyline
 MOST = 30  # largest number of drops that are drawn
+SEEN = 0.005  # of the largest force: difference of a record from the mean that is wider than a line
 
 
 def suits(record: Files) -> bool:
@@ -81,7 +82,9 @@ def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float)
     sign = -1.0 if mean[np.argmax(np.abs(mean))] < 0 else 1.0
     typical = float(np.median(normal))
     ax.plot(time / t_size, normal / f_size, color="#3a7d44", lw=0.6, label="normal force")
-    ax.plot(time / t_size, shear / f_size, color="#bbbbbb", lw=0.6)
+    differs = float(np.abs(mean - shear).max()) > SEEN * float(max(np.abs(normal).max(), np.abs(shear).max()))
+    if differs:
+        ax.plot(time / t_size, shear / f_size, color="#bbbbbb", lw=0.6)
     ax.plot(time / t_size, mean / f_size, color="#1a1a1a", label="shear force")
     result = drops(time, sign * mean, DROP * typical) if typical > 0 else []
     bends = knees(time, sign * mean, result, BEND * typical) if typical > 0 else []
@@ -98,7 +101,7 @@ def _forces(sheet: Sheet, ax: Axes, record: Files, window: float, t_size: float)
     size, unit = scale(window, "s")
     limit = f"{100 * DROP:.0f} % of the median normal force"
     return (
-        f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}.",
+        f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}." if differs else "",
         f"{len(result)} drops by more than {limit} are too many to be marked." if too_many
         else f"Drops are larger than {limit}." if result else "",
     )  # fmt: skip

@@ -17,6 +17,7 @@ from matplotlib.tri import Triangulation
 
 from ruptfx import RuptfxError
 from ruptfx.input.schema import nearest
+from ruptfx.results.analysis import slides_far
 from ruptfx.results.analysis.surface import grid
 from ruptfx.results.figure_style import Array, scale
 from ruptfx.results.plots._sheet import Sheet, Window, pair
@@ -73,7 +74,7 @@ def stretch_of(height: float) -> float:
 
 def stretched(stretch: float) -> str:
     """Return the remark on a stretched map; empty for equal scales."""
-    return f"Down dip stretched {stretch:.2g} times." if stretch > 1 else ""
+    return f"Vertical axis stretched {stretch:.2g} times." if stretch > 1 else ""
 
 
 def panels(sheet: Sheet, surfaces: Mapping[str, Data]) -> tuple[Array, float]:
@@ -236,7 +237,8 @@ def axis_names(data: Data, lengths: Lengths | None = None) -> tuple[str, str]:
     """Return the labels of both axes of a map."""
     _, unit = lengths or axis_scale(data)
     name = "x" if data.attrs.get("position_measure") == "x" else "Along strike"
-    return f"{name} ({unit})", f"Down dip ({unit})"
+    other = "Across" if slides_far(data) else "Down dip"  # surfaces of bodies that slide are level, as a rule
+    return f"{name} ({unit})", f"{other} ({unit})"
 
 
 def label(ax: Axes, data: Data, left: bool = True, below: bool = True, lengths: Lengths | None = None) -> None:
