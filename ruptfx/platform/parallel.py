@@ -80,6 +80,13 @@ def anywhere(comm: Comm, flag: bool) -> bool:
     return any(comm.allgather(bool(flag)))
 
 
+def ranks_here(comm: Comm) -> int:
+    """Return the number of ranks that share the memory of this machine; collective."""
+    from mpi4py import MPI
+
+    return int(comm.Split_type(MPI.COMM_TYPE_SHARED).size) if comm.size > 1 else 1
+
+
 def gather_rows(comm: Comm, rows: np.ndarray) -> np.ndarray | None:
     """Return the rows of all ranks, shape (rows of all, ...), on rank 0, and None elsewhere; collective."""
     parts = comm.gather(np.ascontiguousarray(rows), root=0)

@@ -20,7 +20,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.case import Case
 from ruptfx.input.fields import stress_entries
-from ruptfx.platform import fem
+from ruptfx.platform import fem, parallel
 from ruptfx.platform.memory import available, largest_memory
 from ruptfx.results import figure_process
 from ruptfx.results.analysis.raster import PIXELS
@@ -230,7 +230,7 @@ def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
         On all ranks; the message gives the memory and the remedy.
     """
     lattice, there = case.mesh.lattice(), available()
-    ranks = comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if comm.size > 1 else 1
+    ranks = parallel.ranks_here(comm)
     if lattice is None or there is None:
         return
     components, nodes = {"antiplane": 1, "solid": 3}.get(case.plane, 2), lattice.nodes(case.order)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -24,6 +25,7 @@ from ruptfx.input.schema import CaseError
 pytest.importorskip("dolfinx")
 
 from ruptfx import read_case, reconstruct, simulate
+from ruptfx.many_runs.reconstruction import needs
 from ruptfx.many_runs.reconstruction.experiment import Experiment
 from ruptfx.many_runs.reconstruction.figures import (
     FIGURES,
@@ -755,3 +757,49 @@ def test_refusals_name_keys_and_remedies() -> None:
     assert "split_node" in refused(case.changed("faults.main.contact", COMPLIANT))
     unknown = [{"key": "objective.0.offset", "shape": "number"}]
     assert "unknowns.0" in refused(case.changed("unknowns", unknown))
+
+
+def test_memory_and_runs_are_refused_before_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Responses, modes and runs: the message has the bound, and what it tells to set is accepted."""
+    case, _, _, twin = solid_experiment()
+
+    class RunError(Exception):
+        pass
+
+    def begins(*args: Any, **kwargs: Any) -> None:
+        raise RunError
+
+    monkeypatch.setattr(Twin, "run", begins)
+
+    def accepted(case: Case) -> bool:
+        with pytest.raises(RunError):
+            reconstruct(case, progress=False)
+        return True
+
+    assert accepted(case)
+    monkeypatch.setattr(needs, "available", lambda: 1e5)
+    text = refused(case)
+    steps, count = twin.knots.steps, len(twin.position)
+    responses = 8 * 2 * count * 18 * (steps + twin.knots.count)  # two components, 18 channels
+    assert f"objective: responses of 18 channels at {count} points and {steps} steps" in text
+    assert f"take {responses / 1e9:.3g} GB, and 0.0001 GB are free" in text
+    shorts: list[dict[str, Any]] = [{"length": "0.5 mm", "dip_length": dip_length} for dip_length in ("0.4 mm", None)]
+    for short in shorts:
+        with monkeypatch.context() as few:
+            asked = case.changed("reconstruction", {**SOLID_PRIOR, **short})
+            few.setattr(needs, "available", lambda: 1e9)
+            few.setattr(needs, "MOST_RUNS", 50)
+            text = refused(asked)
+            assert "reconstruction.length = " in text and "at most 50 are made" in text
+            remedy = dict(re.findall(r'(length|dip_length) = ("[^"]+")', text.split(";")[1]))
+            assert ("dip_length" in remedy) == (short["dip_length"] is not None)
+            longer = {key: json.loads(value) for key, value in remedy.items()}
+            assert accepted(case.changed("reconstruction", {**SOLID_PRIOR, **short, **longer}))
+    # Lengths of the likelihood are known after the responses; here memory is for fewer modes than they have.
+    made = needs.Needs(2 * count, count, twin.knots.count, steps, 18, 18, 300, 1)
+    monkeypatch.setattr(needs, "available", lambda: made.bytes(50, 14))
+    assert case.reconstruction is not None
+    likely = case.reconstruction.model_copy(update={"length": None, "dip_length": None, "time": None})
+    needs.refuse_large(made, twin, likely)
+    with pytest.raises(CaseError, match=r"of the likelihood.*are free; set length = "):
+        needs.refuse_large(made, twin, likely, 5e-4, 1.2e-6)

@@ -104,12 +104,25 @@ def stretched(position: Floats, length: float, dip_length: float | None) -> Floa
 
 def modes(points: Floats, length: float, tail: float = TAIL, order: str = "5/2") -> Floats:
     """Return scaled eigenvectors of the Matern covariance of points, shape (points, modes), without a tail."""
-    apart = points[:, None] - points
-    values, vectors = np.linalg.eigh(matern(apart if apart.ndim == 2 else np.linalg.norm(apart, axis=2), length, order))
+    values, vectors = np.linalg.eigh(_covariance(points, length, order))
     values, vectors = values[::-1], vectors[:, ::-1]
-    beyond = len(points) - np.cumsum(values)
-    count = 1 + int(np.argmax(beyond <= max(tail, 1e-14) * len(points)))
+    count = _count(values, tail)
     return np.asarray(vectors[:, :count] * np.sqrt(np.maximum(values[:count], 0.0)))
+
+
+def count_modes(points: Floats, length: float, tail: float = TAIL, order: str = "5/2") -> int:
+    """Return the number of `modes`."""
+    return _count(np.linalg.eigvalsh(_covariance(points, length, order))[::-1], tail)
+
+
+def _covariance(points: Floats, length: float, order: str) -> Floats:
+    apart = points[:, None] - points
+    return matern(apart if apart.ndim == 2 else np.linalg.norm(apart, axis=2), length, order)
+
+
+def _count(values: Floats, tail: float) -> int:
+    beyond = len(values) - np.cumsum(values)
+    return 1 + int(np.argmax(beyond <= max(tail, 1e-14) * len(values)))
 
 
 @dataclass(frozen=True)

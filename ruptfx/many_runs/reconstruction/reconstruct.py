@@ -14,6 +14,7 @@ from ruptfx.many_runs.adjoint.sweeps import Told
 from ruptfx.many_runs.reconstruction.experiment import Experiment
 from ruptfx.many_runs.reconstruction.geometry import Geometry
 from ruptfx.many_runs.reconstruction.law_fit import POSITIONS, SAMPLES, Histories, LawFit, fit_law
+from ruptfx.many_runs.reconstruction.needs import needs_of, refuse_large
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest, stretched
 from ruptfx.many_runs.reconstruction.responses import Responses
 from ruptfx.many_runs.reconstruction.result import KNOWN, Curves, Reconstruction, Surface
@@ -193,7 +194,7 @@ def reconstruct(
     ------
     RuptfxError
         On all ranks: no data or interface, bodies that are not linear, channels that see nothing of the interface, data
-        outside of the run or at irregular times.
+        outside of the run or at irregular times, and more memory or runs than there may be.
     """
     comm = fem.world(comm)
     show, settings = progress and comm.rank == 0, case.reconstruction or Settings()
@@ -205,6 +206,8 @@ def reconstruct(
     experiment.bind(twin.model)
     experiment.unknowns()  # refused before the first run
     readings = twin.readings(experiment.requests)
+    needs = needs_of(experiment, twin, readings)
+    refuse_large(needs, twin, settings)
     with Progress(show) as bar:
         still = twin.run(readings, tell=bar.update)
     stored = Responses(twin, readings, experiment.sensors, None if responses is None else Path(responses))
@@ -217,6 +220,8 @@ def reconstruct(
     )
     with working("lengths of the prior", show):
         lengths = parallel.on_root(comm, lambda: lengths_of(rows, twin, settings))
+    if settings.length is None or settings.time is None:
+        refuse_large(needs, twin, settings, lengths["length"], lengths["time"])
     dip_length = lengths.get("dip_length")
     prior = Prior.of_lengths(
         lengths["amplitude"], lengths["length"], lengths["time"],

@@ -15,7 +15,7 @@ from scipy.linalg import lu_factor, lu_solve
 
 from ruptfx import RuptfxError
 from ruptfx.bodies.space.inside import CellBoxes, Inside
-from ruptfx.platform import fem, parallel
+from ruptfx.platform import parallel
 from ruptfx.platform.memory import available
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.compliance import Compliance, Jumps, norm
@@ -56,7 +56,7 @@ def need_memory(model: System) -> None:
     RuptfxError
     """
     free, need, error = available(), matrix_bytes(model), None
-    here = model.comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if model.comm.size > 1 else 1
+    here = parallel.ranks_here(model.comm)
     if free is not None and need * here > free:
         error = RuptfxError(
             f"stepper.kind = 'quasi_dynamic': {count_jumps(model)} jump components take dense matrices of "

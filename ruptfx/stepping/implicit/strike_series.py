@@ -163,7 +163,7 @@ class StrikeSeries:
         RuptfxError
         """
         free, need = available(), Work(len(self.wavenumbers), self.size, 0).bytes
-        here = self.comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if self.comm.size > 1 else 1
+        here = parallel.ranks_here(self.comm)
         if free is not None and need * here / self.comm.size > free:
             parallel.raise_on_all(self.comm, RuptfxError(
                 f"mesh.along_strike: points = {self.points} and {self.size} points of the section give matrices of "
