@@ -10,7 +10,6 @@ the compliance c. Then T = P g_F - K s with P = (S (1 - kappa c) + c)^-1 and K =
 from __future__ import annotations
 
 import hashlib
-import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -150,11 +149,6 @@ class StrikeSeries:
             error = caught
         parallel.raise_on_all(comm, error)
         self.stored = int(parallel.total(comm, self.stored))
-        if self.stored and comm.rank == 0:
-            logging.getLogger("ruptfx.run").info(
-                "%d of %d matrices of wavenumbers were stored by earlier runs of these bodies",
-                self.stored, len(self.wavenumbers),
-            )  # fmt: skip
         largest = parallel.largest(comm, np.abs(self._matrices[:, 1:]).max(initial=0.0))
         normal = parallel.largest(comm, np.abs(self._matrices[:, 0::3]).max(initial=0.0))
         self.has_opening = normal > SILENT * largest
