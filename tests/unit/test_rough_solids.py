@@ -159,7 +159,7 @@ def test_a_measured_map_of_heights(interpolation: str, close: float, tmp_path: P
 
 @pytest.mark.parametrize("text, message", [
     (None, r"mesh\.lower\.profile: .*map\.csv"),
-    (MAP.replace("0.25, 0.5, ", "0.25, 0.6, ", 1), r"map\.csv: no value at strike = -0\.00025 m, dip = 0\.0005 m;"),
+    (MAP.replace("0.25, 0.5, ", "0.25, 0.6, ", 1), r"map\.csv: no value at x = -0\.00025 m, y = 0\.0005 m;"),
     (MAP.replace("height (um)", "height (MPa)"), r"line 1 of .*map\.csv, column 3"),
     (MAP.replace("x (mm), y (mm)", "y (mm), x (mm)"), r"line 1 of .*map\.csv: column 1 is y"),
     (MAP.replace("0.25, 0.5, ", "0.25, 0.5, nan #", 1), r"line \d+ of .*map\.csv"),

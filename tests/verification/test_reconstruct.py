@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import tomli_w
 import xarray
+from helpers.messages import facts
 from helpers.small_cases import COMPLIANT, merged, slip_weakening, strike_slip
 from typer.testing import CliRunner
 
@@ -426,7 +427,7 @@ def test_a_matlab_file_with_its_mapping_gives_the_same(tmp_path: Path) -> None:
     np.testing.assert_allclose(of_file.deviation, of_numbers.deviation, rtol=1e-10)
     with h5py.File(tmp_path / "event.mat", "r+") as file:
         file["strain"][1, 3] = np.nan
-    with pytest.raises(CaseError, match=r"45 deg.*1 of 29 samples.*index 3"):
+    with pytest.raises(CaseError, match=facts(r"45 deg.*1 of 29 samples.*index 3")):
         parse_case({**case.table(), "objective": [entry]}, tmp_path)
 
 
@@ -801,5 +802,5 @@ def test_memory_and_runs_are_refused_before_a_run(monkeypatch: pytest.MonkeyPatc
     assert case.reconstruction is not None
     likely = case.reconstruction.model_copy(update={"length": None, "dip_length": None, "time": None})
     needs.refuse_large(made, twin, likely)
-    with pytest.raises(CaseError, match=r"of the likelihood.*are free; set length = "):
+    with pytest.raises(CaseError, match=facts(r"of the likelihood.*are free; set length = ")):
         needs.refuse_large(made, twin, likely, 5e-4, 1.2e-6)

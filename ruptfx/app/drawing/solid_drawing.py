@@ -24,10 +24,11 @@ from ruptfx.run.model import Model
 Array = np.ndarray
 
 SURFACE, OPPOSITE, ARROWS = "#c8501e", "#3b8ea5", ("#1769aa", "#2e7d32", "#6a1b9a")
-ROUNDING = 1e-10  # gap of surfaces that touch, over the length of the surface
+ROUNDING = 1e-10  # gap of surfaces that touch, over the length of the surface, and differences of equal values
 BASE = 24  # rectangles along both directions of a rigid base
 TICKS = 8  # of the longest axis
 NAME_STEP = 0.045  # least distance between names, over the height of the drawing
+COLUMNS = -0.08, 1.2  # of names, left of the drawing with its numbers on the axes, and right of it; over its width
 LETTERS = ("n", "1", "2")  # normal, first and second tangent
 
 
@@ -94,8 +95,8 @@ def _name_edges(axes: Axes3D, middles: dict[str, Array]) -> None:
         for row, height in zip(rows, heights, strict=True):
             x, y = projected[row].tolist()
             axes.annotate(
-                list(middles)[row], (x, y), (float(column), float(height)), textcoords="axes fraction", size=6,
-                ha=("left", "right")[column], va="center", annotation_clip=False, zorder=4,
+                list(middles)[row], (x, y), (COLUMNS[column], float(height)), textcoords="axes fraction", size=6,
+                ha="left", va="center", annotation_clip=False, zorder=4,
                 arrowprops={"arrowstyle": "-", "color": "#888888", "linewidth": 0.4, "shrinkA": 1, "shrinkB": 0},
             )  # fmt: skip
 
@@ -164,7 +165,10 @@ def _draw_map(axes: Axes, fault: Fault, facets: Array, other: Array) -> None:
         values, text, si = np.where(seen, face.resting_jump, 0.0), "Initial gap", "m"
         triangles.set_mask(triangles.mask | ~face.covered[triangles.triangles].all(axis=1))
     value, value_unit = scale(values, si)
-    norm = None if np.any(values) else Normalize(0, 1)
+    largest = float(np.abs(values).max(initial=0.0))
+    # A colour bar of rounding would have thirteen digits.
+    is_even = np.ptp(values) <= ROUNDING * largest
+    norm = Normalize(0, 1.25 * largest / value or 1) if is_even else None
     drawn = axes.tripcolor(triangles, values / value, norm=norm, cmap=RATE_MAP, shading="gouraud")
     corners = positions(fault, facets) / size
     axes.add_collection(PolyCollection(list(corners), facecolor="none", edgecolor="#888888", linewidth=0.3))
