@@ -137,7 +137,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
                 Check(f"temperature then, {text}", warm, values[2], 0.05, "K", SOURCE, relative=True),
             ]
     added = added_time(sizes[0])
-    checks.append(Check("processor time that the fluid adds to a step", MOST, added, 0, "1", "same fault", "at most"))
+    checks.append(
+        Check("processor time that the fluid adds to a step", MOST, added, 0, "1", "same fault", "at most", timing=True)
+    )
     return Outcome(checks, lambda: _draw(runs))
 
 
