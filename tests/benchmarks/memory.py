@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 RANKS = (1, 2, 4, 8)
 SLACK = 1.3
+COMPARED = ((2, 1, 1.0), (4, 2, SLACK * 2 / 4), (8, 2, SLACK * 2 / 8))
+"""Ranks, the smaller number of them that they are compared with, and the bound of the ratio of their memory."""
 # Largest resident memory [MB] of every rank: after libraries, C code and MPI have been used once, and at the end.
 PROGRAM = """
 import resource, sys
@@ -53,18 +55,16 @@ if found is not None:
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     nodes = 8_000_000 if fine else 1_000_000  # with fewer, a megabyte of a library decides on 8 ranks
-    largest, before = [], []
+    largest, before = dict[int, float](), dict[int, float]()
     for ranks in RANKS:
-        more, libraries, nodes = _measured(ranks, nodes)
-        largest.append(more)
-        before.append(libraries)
+        largest[ranks], before[ranks], nodes = _measured(ranks, nodes)
     checks = [
-        Check(f"{nodes} nodes: largest rank of {ranks} over that of {fewer}", bound, largest[i] / largest[j], 0.0, "1",
-              f"{largest[i]:.0f} MB beyond the {before[i]:.0f} MB of libraries, and {largest[j]:.0f} MB", "at most")
-        for i, ranks in enumerate(RANKS[1:], 1)
-        for j, fewer, bound in [(0, 1, 1.0) if i == 1 else (1, 2, SLACK * 2 / ranks)]
+        Check(f"{nodes} nodes: largest rank of {ranks} over that of {fewer}", bound, largest[ranks] / largest[fewer],
+              0.0, "1", f"{largest[ranks]:.0f} MB beyond the {before[ranks]:.0f} MB of libraries, "
+              f"and {largest[fewer]:.0f} MB", "at most")
+        for ranks, fewer, bound in COMPARED
     ]  # fmt: skip
-    return Outcome(checks, lambda: _draw(nodes, largest))
+    return Outcome(checks, lambda: _draw(nodes, list(largest.values())))
 
 
 def _measured(ranks: int, nodes: int) -> tuple[float, float, int]:
