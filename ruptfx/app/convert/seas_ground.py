@@ -74,9 +74,9 @@ def ground_motion(record: Record, name: str, stations: Sequence[Station]) -> Gro
         )
     model = Model(case, fem.MPI.COMM_SELF)
     place = _Places(model, name)
-    motion = case.stepper.bind(model)
-    for station in stations:
+    for station in stations:  # before the matrices of the bodies are computed
         place.require_inside(station)
+    motion = case.stepper.bind(model)
     wanted = list(stations) or place.of_benchmarks()
     slip, rate = (_gathered(record, model, field) for field in ("slip", "slip_rate"))
     receivers = motion.receivers([place.point(each) for each in wanted], "export --off-fault")
@@ -101,6 +101,8 @@ class _Places:
     """Coordinates of stations of an interface, and components of their motion."""
 
     def __init__(self, model: Model, name: str) -> None:
+        from ruptfx.bodies.space.inside import CellBoxes
+
         section = model.section
         self._bodies = model if section is None else section
         face = next(fault.interface for fault in model.faults if fault.name == name)
@@ -120,6 +122,7 @@ class _Places:
         self.first = points[np.argmin(points @ self.down)]
         self.aside, self.surface = ASIDE * float(np.linalg.norm(extent)), section is not None
         self.width = float(np.linalg.norm(extent))
+        self._boxes = CellBoxes.of(self._bodies)
 
     def point(self, station: Station) -> list[float]:
         """Return the coordinates of a station [m].
@@ -173,7 +176,7 @@ class _Places:
         from ruptfx.bodies.space.inside import Inside
 
         try:
-            Inside(self._bodies, self.point(station)[:2], None, "export", first=True)
+            Inside(self._bodies, self.point(station)[:2], None, "export", boxes=self._boxes, first=True)
         except CaseError as error:
             return error
         return None
