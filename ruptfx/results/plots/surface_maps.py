@@ -237,7 +237,8 @@ def axis_names(data: Data, lengths: Lengths | None = None) -> tuple[str, str]:
     """Return the labels of both axes of a map."""
     _, unit = lengths or axis_scale(data)
     name = "x" if data.attrs.get("position_measure") == "x" else "Along strike"
-    other = "Across" if slides_far(data) else "Down dip"  # surfaces of bodies that slide are level, as a rule
+    # The surfaces of sliding contact are horizontal in most cases, and have no dip.
+    other = "Across" if slides_far(data) else "Down dip"
     return f"{name} ({unit})", f"{other} ({unit})"
 
 
