@@ -84,7 +84,7 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
     else:
         yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
-    yield from _substep_rows(model, motion)
+    yield from _substep_rows(model, motion, stable)
     yield from load_rows(case)
     yield from stress_rows(model)
     plan = Plan(motion.dt, steps, stable, stages.loads_of(model, motion))
@@ -99,14 +99,14 @@ def preflight(case: Case) -> Iterator[Row]:
     yield from _cost(model, motion, steps, started, built)
 
 
-def _substep_rows(model: Model, motion: Motion) -> Iterator[Row]:
+def _substep_rows(model: Model, motion: Motion, stable: float) -> Iterator[Row]:
     """Yield what local time steps do, or would do in a case that has the same step for all elements."""
     if isinstance(motion, local_leapfrog.LocalMotion):
         clusters = motion.clusters
         note = f"in a step, of {clusters.share:.2g} of the elements: {clusters.work:.2g} of the work of equal steps"
         yield Row("substeps", clusters.substeps, "", note)
     elif isinstance(motion, leapfrog.LeapfrogMotion):
-        clusters = local_leapfrog.possible(model)
+        clusters = local_leapfrog.possible(model, stable)
         if clusters.work < WORTH_A_NOTE:
             note = (
                 f"the smallest elements, this part of all, make the run {1 / clusters.work:.2g} times longer; use "

@@ -27,11 +27,11 @@ Integers = NDArray[np.int64]
 
 def masses_and_dashpots(model: System) -> tuple[Floats, Floats]:
     """Return mass [kg] and damping force per velocity [N s/m] of every degree of freedom, sums for tied ones."""
-    both = model.mass.copy(), model.case.damping.mass * model.mass
-    both[1][:] += model.loads.dashpot
-    for values in both:
+    mass, dashpot = model.mass.copy(), model.case.damping.mass * model.mass
+    dashpot += model.loads.dashpot
+    for values in (mass, dashpot):
         model.layout.sum_tied(values)
-    return both
+    return mass, dashpot
 
 
 class Kick:

@@ -81,12 +81,21 @@ def with_neighbours(model: System, cells: Flags, layers: int) -> Flags:
 
 def nodes_of(model: System, cells: Flags) -> Flags:
     """Return a mask of the nodes of elements of all ranks, shape (nodes,); collective."""
-    marked = np.zeros((model.nodes, model.components))
-    owned = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
-    marked[model.space.dofmap.list[:owned][cells[:owned]]] = 1
-    total = marked.ravel()
-    model.layout.sum_shared(total)
-    return np.asarray(total.reshape(marked.shape)[:, 0] > 0)
+    marked, owned = np.zeros(model.nodes, dtype=bool), owned_cells(model)
+    marked[model.space.dofmap.list[:owned][cells[:owned]]] = True
+    return on_all_ranks(model, marked)
+
+
+def on_all_ranks(model: System, nodes: Flags) -> Flags:
+    """Return a mask of the nodes that any rank has marked, shape (nodes,); collective."""
+    marked = nodes.repeat(model.components).astype(float)
+    model.layout.sum_shared(marked)
+    return np.asarray(marked.reshape(model.nodes, -1)[:, 0] > 0)
+
+
+def owned_cells(model: System) -> int:
+    """Return the number of elements that this rank owns, which come first."""
+    return int(model.mesh.topology.index_map(model.mesh.topology.dim).size_local)
 
 
 def touching(model: System, nodes: Flags) -> Flags:
@@ -96,12 +105,10 @@ def touching(model: System, nodes: Flags) -> Flags:
 
 def smooth_elements(model: System, mechanisms: Sequence[Mechanism]) -> Flags:
     """Return the elements whose forces mechanisms need in every substep; collective."""
-    nodes = np.zeros((model.nodes, model.components))
+    nodes = np.zeros(model.nodes, dtype=bool)
     for each in mechanisms:
-        nodes[each.smooth_nodes()] = 1
-    total = nodes.ravel()
-    model.layout.sum_shared(total)
-    return with_neighbours(model, touching(model, total.reshape(nodes.shape)[:, 0] > 0), BESIDE_INTERFACES)
+        nodes |= each.smooth_nodes()
+    return with_neighbours(model, touching(model, on_all_ranks(model, nodes)), BESIDE_INTERFACES)
 
 
 def divide(model: System, times: np.ndarray, smooth: Flags, substeps: int, margin: float = 1.0) -> Clusters:
@@ -114,7 +121,7 @@ def divide(model: System, times: np.ndarray, smooth: Flags, substeps: int, margi
     margin : float
         Elements whose time is below `substeps` times the shortest, times this, are small.
     """
-    owned = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
+    owned = owned_cells(model)
     shortest = -parallel.largest(model.comm, float((-times[:owned]).max(initial=-np.inf)))
     small = times < margin * substeps * shortest * (1 - 2e-3)
     fine = with_neighbours(model, small, LAYERS) | smooth
@@ -125,7 +132,7 @@ def divide(model: System, times: np.ndarray, smooth: Flags, substeps: int, margi
 
 def best(model: System, times: np.ndarray, smooth: Flags) -> Clusters:
     """Return the clusters with the least work as the sizes of elements tell; collective."""
-    owned = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
+    owned = owned_cells(model)
     longest = parallel.largest(model.comm, float(times[:owned].max(initial=0.0)))
     shortest = -parallel.largest(model.comm, float((-times[:owned]).max(initial=-np.inf)))
     most = min(MOST_SUBSTEPS, int((1 + 1e-3) * longest / shortest))
@@ -173,7 +180,7 @@ def stable(model: System, mechanisms: Sequence[Mechanism], wanted: int | None, s
 
 def part_of(model: System, cells: Flags) -> operators.Operator:
     """Return the operator of some elements, of the same kind as that of the bodies; collective."""
-    cls, owned = type(model.operator), model.mesh.topology.index_map(model.mesh.topology.dim).size_local
+    cls, owned = type(model.operator), owned_cells(model)
     if cells[:owned].any():
         return cls(replace(model.bulk, only=cells))
     one = np.zeros_like(cells)

@@ -113,11 +113,17 @@ class LocalLeapfrog(Stepper):
             )
 
 
-def possible(model: System) -> _clusters.Clusters:
-    """Return the clusters that a model would have; one substep where it cannot have more. Collective."""
+def possible(model: System, stable: float) -> _clusters.Clusters:
+    """Return the clusters that a model would have; one substep where it cannot have more. Collective.
+
+    Parameters
+    ----------
+    stable : float
+        Stable step of all elements [s].
+    """
     explicit = model.in_steps("explicit")
     wanted = 1 if _obstacle(explicit) else None
-    return _clusters.stable(explicit, mechanisms_of(explicit), wanted, stable_time_step(model))
+    return _clusters.stable(explicit, mechanisms_of(explicit), wanted, stable)
 
 
 def _obstacle(model: System) -> str:
