@@ -18,7 +18,7 @@ from benchmarks._okada import surface_displacement
 from benchmarks.bp3 import problem as dipping
 from ruptfx.app.cli import app
 from ruptfx.bodies.space.inside import Inside
-from ruptfx.case import Case
+from ruptfx.case import Case, read_case
 from ruptfx.platform import fem
 from ruptfx.results.record import Record
 from ruptfx.run.model import Model
@@ -107,6 +107,36 @@ def test_receivers_of_a_plane_move_as_its_bodies() -> None:
     np.testing.assert_allclose(velocity, (after - before) / (end - begin), rtol=0, atol=1e-6 * np.abs(velocity).max())
 
 
+def in_file(path: Path) -> np.ndarray:
+    """Return the numbers of a file, without its header."""
+    return np.array([each.split() for each in path.read_text().splitlines() if each[0] not in "#t"], dtype=float)
+
+
+def motion_of(path: Path, point: list[float]) -> np.ndarray:
+    """Return the displacement of a point of the bodies of a run at the times of its record [m], along the axes."""
+    with Record(path) as record:
+        case = read_case(path / "case.toml")
+        assert isinstance(case, Case)
+        receivers, data = bound(case)[1].receivers([point], "point"), record.interfaces["main"]
+        names = [name for name in ("slip", "slip_1", "slip_2") if name in data]
+        slip = np.stack([data[name].values for name in names], axis=2)
+        return np.array([receivers.displacement(t, s)[0] for t, s in zip(data["time"].values, slip, strict=True)])
+
+
+def test_stations_off_a_dipping_fault_move_up_and_over_it(tmp_path: Path) -> None:
+    """Of a thrust that dips to the right, the plus side is the hanging wall, and x is away from the fault there."""
+    case = dipping(60.0, 1.0, 4e3, 0.05)
+    short = case.changed("duration", 3e8).changed("output", {"figures": False, "interface_steps": 1})
+    simulate(short, out=tmp_path / "run")
+    words = ["export", str(tmp_path / "run"), "--format", "seas", "--out", str(tmp_path / "out"), "--station", "10 km"]
+    result = CliRunner().invoke(app, [*words, "--off-fault", "8 km", "--off-fault", "-16 km"])
+    assert result.exit_code == 0, result.output
+    for name, x in (("srfst_fn+08.dat", 8e3), ("srfst_fn-16.dat", -16e3)):
+        moved = motion_of(tmp_path / "run", [x, 0.0])
+        columns = in_file(tmp_path / "out" / name)[:, 1:3]
+        np.testing.assert_allclose(columns, moved * [1, -1], rtol=0, atol=1e-5 * np.abs(moved).max())
+
+
 def test_export_of_stations_off_the_fault(tmp_path: Path) -> None:
     """Names, columns and numbers of the files, and refusals; the point beside the fault moves by half of its slip."""
     simulate(faulted({"duration": 12.0, "output": {"figures": False, "interface_steps": 4}}), out=tmp_path / "run")
@@ -122,7 +152,7 @@ def test_export_of_stations_off_the_fault(tmp_path: Path) -> None:
     lines = (tmp_path / "out" / "blkst_strk+001fn+000dp+002.dat").read_text().splitlines()
     assert "t disp_1 disp_2 disp_3 vel_1 vel_2 vel_3" in lines
     assert "# location=1.25 m along strike, 0 m off fault, 2 m depth" in lines
-    rows = np.array([each.split() for each in lines if each[0] not in "#t"], dtype=float)
+    rows = in_file(tmp_path / "out" / "blkst_strk+001fn+000dp+002.dat")
     with Record(tmp_path / "run") as record:
         data = record.interfaces["main"]
         at = int(np.flatnonzero((np.abs(data["position"] - 1.25) < 1e-9) & (np.abs(data["dip"] - 2.0) < 1e-9))[0])
@@ -130,6 +160,12 @@ def test_export_of_stations_off_the_fault(tmp_path: Path) -> None:
         np.testing.assert_allclose(rows[:, 0], data["time"].values)
     np.testing.assert_allclose(rows[:, 2], slip / 2, rtol=1e-4, atol=1e-12)
     np.testing.assert_allclose(rows[:, 5], rate / 2, rtol=1e-4)
+    # The section has x downwards, y towards the plus side and z along strike.
+    export("--station", "0 m, 1 m", "--off-fault", "1.25 m, 3 m, 0 m")
+    of_station = motion_of(tmp_path / "run", [0.0, 3.0, 1.25])[:, [1, 2, 0]]
+    assert np.abs(of_station).max(axis=0).min() > 1e-3 * np.abs(of_station).max()
+    columns = in_file(tmp_path / "out" / "blkst_strk+001fn+003dp+000.dat")[:, 1:4]
+    np.testing.assert_allclose(columns, of_station, rtol=0, atol=1e-5 * np.abs(of_station).max())
     for stations, words in (
         (["0 m, 900 m, 0 m"], "'0 m, 900 m, 0 m' is not in the bodies: .* y from 0 to 4 m"),
         (["8 m"], "1 positions, .* needs 3; write '-16 km, 8 km, 0 km'"),
