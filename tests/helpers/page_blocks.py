@@ -131,7 +131,7 @@ def _joined(table: dict, part: dict) -> dict:
 
 def _run_shell(block: Block, directory: Path) -> None:
     for command, shown in _commands(block):
-        environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}
+        environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "95"}
         done = subprocess.run(
             ["bash", "-e", "-o", "pipefail", "-c", command], cwd=directory, env=environment, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=SECONDS,
