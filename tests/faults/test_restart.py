@@ -392,24 +392,27 @@ def add_mine(out: Path) -> None:
         (out / name).write_text(text)
 
 
+# Case, unit of time, and what two ranks may differ by.
+EXTENDED = {
+    "leapfrog": (LEAPFROG, 1e-6, 0.0),
+    "adaptive": (ADAPTIVE, 0.1, 1e-10),
+    "adaptive with the same sums": (merged(ADAPTIVE, SAME_SUMS), 0.1, 0.0),
+    "quasi-dynamic": (QUASI_DYNAMIC, 0.1, 1e-12),
+}
+
+
 def assert_mine(out: Path) -> None:
     assert {name: (out / name).read_text() for name in MINE} == MINE
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(
-    ("table", "unit", "on_two_ranks"),
-    [
-        (LEAPFROG, 1e-6, 0.0),
-        (ADAPTIVE, 0.1, 1e-10),
-        (merged(ADAPTIVE, SAME_SUMS), 0.1, 0.0),
-        (QUASI_DYNAMIC, 0.1, 1e-12),
-    ],
-    ids=["leapfrog", "adaptive", "adaptive with the same sums", "quasi-dynamic"],
-)
-def test_a_finished_run_is_extended_from_its_end(table, unit, on_two_ranks, ranks, tmp_path):
+@pytest.mark.parametrize("name, ranks", [
+    *((name, 1) for name in EXTENDED), ("adaptive", 2),
+    *(pytest.param(name, 2, marks=pytest.mark.slow) for name in EXTENDED if name != "adaptive"),
+])  # fmt: skip
+def test_a_finished_run_is_extended_from_its_end(name, ranks, tmp_path):
     """From 40 to 60 units of time: the same bits as a run of 60; it has written no checkpoint but that of its end."""
+    table, unit, on_two_ranks = EXTENDED[name]
     out, whole = tmp_path / "run", tmp_path / "whole"
     done = run(written(tmp_path / "short.toml", table, 40 * unit), out, ranks)
     assert done.returncode == 0, done.stderr

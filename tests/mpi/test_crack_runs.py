@@ -55,13 +55,13 @@ case_file, alone = run_of(*(
 }) for contact in (SOFT, {"kind": "split_node"})))  # fmt: skip
 
 
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_ranks_do_not_change_a_bit(ranks: int, case_file: Path, alone: Path, tmp_path: Path) -> None:
     same(alone, run_on(ranks, case_file, tmp_path / "run"))
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_run_goes_on_from_its_checkpoint_to_the_same_bits(
     ranks: int, case_file: Path, alone: Path, tmp_path: Path
 ) -> None:

@@ -44,7 +44,7 @@ case_file, alone = run_of(*(
 ))  # fmt: skip
 
 
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_ranks_do_not_change_a_bit(ranks: int, case_file: Path, alone: Path, tmp_path: Path) -> None:
     same(alone, run_on(ranks, case_file, tmp_path / "run"))
 

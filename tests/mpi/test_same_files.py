@@ -79,7 +79,13 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
-@pytest.mark.parametrize("name", [*CASES, "welded"])
+MORE = ("elastic", "lecture_I", "antiplane")
+"""Cases whose mechanisms the others have, too."""
+
+
+@pytest.mark.parametrize("name", [
+    *(pytest.param(name, marks=pytest.mark.slow if name in MORE else ()) for name in CASES), "welded",
+])  # fmt: skip
 def test_files_from_1_2_and_3_ranks(name: str, tmp_path: Path) -> None:
     table = CASES[name] if name in CASES else welded(tmp_path)
     case = write(tmp_path, merged(table, {"output": OUTPUT}))

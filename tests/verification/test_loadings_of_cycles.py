@@ -54,6 +54,7 @@ def onsets(edges_move: bool) -> np.ndarray:
     return np.array(begun)
 
 
+@pytest.mark.slow
 def test_the_interval_does_not_depend_on_the_loading() -> None:
     by_creep, by_edges = onsets(False), onsets(True)
     assert by_creep[0] == pytest.approx(by_edges[0], rel=0.01)

@@ -243,7 +243,9 @@ def test_elastic_steps_take_one_iteration() -> None:
         assert solution.iterations == 1
 
 
-@pytest.mark.parametrize("material", [YIELDING, FLUID], ids=lambda each: each["kind"])
+@pytest.mark.parametrize("material", [
+    pytest.param(YIELDING, marks=pytest.mark.slow, id="drucker_prager"), pytest.param(FLUID, id="maxwell"),
+])  # fmt: skip
 def test_slow_loading_in_explicit_steps(material: dict[str, Any]) -> None:
     """The plates cross several hundred times during the loading: leapfrog follows the equilibrium."""
     damping = {"damping": {"mass": 2e4}}

@@ -479,7 +479,7 @@ def test_clocks_and_offsets_are_unknowns() -> None:
     assert plain.misfits[1] > 2 * made.misfits[1]
 
 
-@pytest.mark.parametrize("solid", [False, True])
+@pytest.mark.parametrize("solid", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_two_ranks_give_the_same(tmp_path: Path, solid: bool) -> None:
     case = solid_experiment()[0] if solid else experiment()[0]
     (tmp_path / "case.toml").write_text(tomli_w.dumps(case.table()))
