@@ -234,6 +234,8 @@ def _of_oscilloscope(path: Path, above: Sequence[tuple[int, str]]) -> NumberTabl
         It is no such file.
     """
     lines = [(line, _words(content, ",")) for line, content in above if not content.lstrip().startswith(_COMMENT)]
+    if all(not words[-1] for _, words in lines):  # every line ends with a comma
+        lines = [(line, words[:-1]) for line, words in lines if words[:-1]]
     width = len(lines[-1][1]) if lines else 0
     settings = any(words[0] for _, words in lines) and not (lines and lines[-1][1][0])
     alike = all(len(words) == width and all(map(is_number, words[-2:])) for _, words in lines)

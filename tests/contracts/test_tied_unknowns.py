@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import xarray
 from helpers.messages import facts
+from helpers.scaled_cases import mapped, unit_factor
 from helpers.small_cases import branched, slip_weakening
 
 from ruptfx.case import parse_case, read_case
@@ -27,6 +29,7 @@ pytestmark = pytest.mark.fem
 
 MU_D = "faults.main.friction.mu_d"
 DROP_MU_D = "faults.main.nucleation.0.mu_d"
+D_C = "faults.main.friction.D_c"
 BODY = {"kind": "velocimeter", "name": "body", "interval": 1e-7, "point": [18e-3, 2e-3], "direction": [1.0, 0.0]}
 SLIP = [{"kind": "final_slip", "sigma": 1e-6}]
 
@@ -90,9 +93,8 @@ def test_differences_of_check_are_those_of_tied_keys() -> None:
     assert about["difference_step"] == pytest.approx(1e-4 * 0.008)
 
 
-@pytest.mark.parametrize("method", [pytest.param("l_bfgs", marks=pytest.mark.slow), "gauss_newton"])
-def test_one_number_for_two_keys_is_recovered(method: str, tmp_path: Path) -> None:
-    """Dynamic friction of a law, and half of it where the rupture begins; beside it an unknown of the interface."""
+def measured(method: str) -> dict[str, Any]:
+    """A case with a noisy signal of one in which both tied numbers, and another, have other values."""
     times = np.arange(2e-6, 11.5e-6, 2.5e-7).tolist()
     term = {"kind": "traces", "instrument": "body", "times": times, "data": {"velocity": [0.0] * len(times)},
             "units": {"velocity": "m/s"}, "sigma": 0.005}  # fmt: skip
@@ -102,15 +104,21 @@ def test_one_number_for_two_keys_is_recovered(method: str, tmp_path: Path) -> No
     data = {"velocity": (sample.values + 0.005 * noise).tolist()}
     unknowns = [
         {"key": MU_D, "tied": [DROP_MU_D], "factors": [0.5], "shape": "number", "bounds": [0.2, 0.4]},
-        {"key": "faults.main.friction.D_c", "shape": "number", "bounds": ["3 um", "9 um"]},
+        {"key": D_C, "shape": "number", "bounds": ["3 um", "9 um"]},
     ]
     table = dropped(instruments=[BODY], objective=[{**term, "data": data}], unknowns=unknowns,
                     inference={"method": method, "iterations": 30})  # fmt: skip
     table["faults"]["main"]["friction"] |= {"mu_d": 0.32, "D_c": 5.5e-6}
     table["faults"]["main"]["nucleation"][0]["mu_d"] = 0.16
-    case = parse_case(table)
+    return table
+
+
+@pytest.mark.parametrize("method", [pytest.param("l_bfgs", marks=pytest.mark.slow), "gauss_newton"])
+def test_one_number_for_two_keys_is_recovered(method: str, tmp_path: Path) -> None:
+    """Dynamic friction of a law, and half of it where the rupture begins; beside it an unknown of the interface."""
+    case = parse_case(measured(method))
     (row,) = [row for row in data_rows(Model(case)) if row.quantity == "unknowns: variables"]
-    assert row.value == 2 and f"{DROP_MU_D} = 0.5 x {MU_D}, faults.main.friction.D_c" in row.note
+    assert row.value == 2 and f"{DROP_MU_D} = 0.5 x {MU_D}, {D_C}" in row.note
     made = infer(case, tmp_path / "out", progress=False)
     for each, wanted in zip(made.unknowns, (0.3, 5e-6), strict=True):
         low, high = each.interval[:, 0]
@@ -121,6 +129,51 @@ def test_one_number_for_two_keys_is_recovered(method: str, tmp_path: Path) -> No
     assert Objective(best, best.objective, record=False).value == pytest.approx(made.best.misfit, rel=1e-9)
     with xarray.open_dataset(tmp_path / "out/result.nc", engine="h5netcdf") as result:
         assert float(result[f"{MU_D}.best"][0]) == value
+
+
+def test_an_inference_does_not_depend_on_how_its_ties_are_written(tmp_path: Path) -> None:
+    """The other key first, with the inverse factor; entries in another order; lengths as texts in other units."""
+    table = measured("gauss_newton")
+    other = copy.deepcopy(table)
+    mu_d, d_c = other["unknowns"]
+    mu_d |= {"key": DROP_MU_D, "tied": [MU_D], "factors": [2.0], "bounds": [0.1, 0.2]}
+    d_c["bounds"] = ["0.003 mm", "9000 nm"]
+    other["unknowns"] = [d_c, mu_d]
+    other["faults"]["main"]["friction"]["D_c"] = "0.0055 mm"
+    results = []
+    for number, way in enumerate((table, other)):
+        made = infer(parse_case(way), tmp_path / str(number), progress=False)
+        values = {each.key: np.concatenate([each.best, each.interval[:, 0]]) for each in made.unknowns}
+        tied = values[MU_D] if MU_D in values else 2.0 * values[DROP_MU_D]
+        best = made.case.faults["main"]
+        drop, runs = best.nucleation[0].mu_d, len(made.runs)
+        results.append([*tied, *values[D_C], best.friction.mu_d, drop, made.best.misfit, runs])
+    np.testing.assert_allclose(results[1], results[0], rtol=1e-6)
+
+
+FEWER = {"m": 2.0**-3, "s": 2.0**5, "kg": 2.0**9}
+STRESS = "faults.main.initial_stress.{}"
+
+
+def test_derivatives_by_tied_keys_follow_units_and_the_order_of_keys() -> None:
+    """Base units changed by powers of two: the derivative by a stress has the unit 1/Pa, to 1e-12."""
+    step = {"kind": "leapfrog", "time_step": 8e-8}  # those that are computed are rounded to three digits
+    table = slip_weakening({"duration": 6e-6, "objective": SLIP, "stepper": step})
+    unknown = {"key": STRESS.format("shear"), "tied": [STRESS.format("normal")], "factors": [0.5], "shape": "number"}
+    other = {"key": STRESS.format("normal"), "tied": [STRESS.format("shear")], "factors": [2.0], "shape": "number"}
+
+    def slope(case: dict[str, Any], entry: dict[str, Any]) -> float:
+        return float(gradient(parse_case(case), unknowns=[Unknown(**entry)], progress=False)[entry["key"]])
+
+    exact = slope(table, unknown)
+    assert exact != 0
+    assert slope(table, other) == 2 * exact
+    scaled = mapped(table, lambda number, unit, _: number * unit_factor(unit, FEWER))
+    assert slope(scaled, unknown) == pytest.approx(exact / unit_factor("Pa", FEWER), rel=1e-12)
+    texts = copy.deepcopy(table)
+    texts["faults"]["main"]["initial_stress"]["normal"] = "0.006 GPa"
+    texts["objective"] = [{"kind": "final_slip", "sigma": "1 um"}]
+    assert slope(texts, unknown) == exact
 
 
 NUMBER = {"key": MU_D, "shape": "number", "tied": [DROP_MU_D]}

@@ -109,11 +109,44 @@ def test_the_bar_is_one_line_and_nothing_is_cut(site: Path, tmp_path: Path) -> N
                 height = await tab.value("document.querySelector('.bd-header').offsetHeight")
                 assert 40 < height < 90, (width, page)
                 assert await tab.value("document.documentElement.scrollWidth") <= width, (width, page)
-        # The first lesson shows its commands and what they print as a whole.
+
+    visit(site / "index.html", tmp_path / "profile", act)
+
+
+@browser
+def test_no_printed_output_is_cut(site: Path, tmp_path: Path) -> None:
+    """At 1280 px every page shows what commands print as a whole; files of users, which have a caption, may scroll."""
+    cut = """[...document.querySelectorAll('div.highlight-console pre, div.highlight-text pre')]
+        .filter(n => !n.closest('.literal-block-wrapper') && n.scrollWidth > n.clientWidth + 1)
+        .map(n => n.textContent.split('\\n').sort((a, b) => b.length - a.length)[0])"""
+    shown = re.compile(r"highlight-(console|text)")
+    pages = [path for path in sorted(site.rglob("*.html")) if shown.search(path.read_text(encoding="utf-8"))]
+    assert len(pages) > 10
+
+    async def act(tab: Tab) -> None:
         await tab.call("Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False)
-        await tab.open(f"{site.as_uri()}/tutorial/first_rupture.html")
-        cut = "[...document.querySelectorAll('pre')].filter(n => n.scrollWidth > n.clientWidth + 1).length"
-        assert await tab.value(cut) == 0
+        for page in pages:
+            await tab.open(page.as_uri())
+            assert await tab.value(cut) == [], page.name
+
+    visit(site / "index.html", tmp_path / "profile", act)
+
+
+@browser
+@pytest.mark.parametrize("width", [400, 500])
+def test_tables_of_sources_fit_a_phone(width: int, site: Path, tmp_path: Path) -> None:
+    """Every cell is on the screen, and pictures are as wide as their row."""
+    beyond = f"""[...document.querySelectorAll('table.sources td, table.sources td *')]
+        .filter(n => n.getBoundingClientRect().right > {width}).map(n => n.textContent.slice(0, 60))"""
+    narrow = """[...document.querySelectorAll('table.sources img')]
+        .filter(n => n.getBoundingClientRect().width < 0.9 * n.closest('tr').clientWidth).length"""
+
+    async def act(tab: Tab) -> None:
+        await tab.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+        await tab.open(f"{site.as_uri()}/gallery/sources.html")
+        assert await tab.value("document.querySelectorAll('table.sources tr').length") > 50
+        assert await tab.value(beyond) == []
+        assert await tab.value(narrow) == 0
 
     visit(site / "index.html", tmp_path / "profile", act)
 

@@ -248,10 +248,10 @@ def test_a_number_like_a_mark_of_missing_values_is_read_among_others_of_its_size
     assert two_columns(path, "time", ("s", "m/s"))[1] == [-9999.0, -8000.0, -7000.0]
 
 
-def test_settings_of_an_oscilloscope_are_no_columns(tmp_path: Path) -> None:
-    path = written(
-        tmp_path / "v.csv", "Record Length,3,Points,-1e-6,0.02\nSample Interval,1e-6,s,0.0,0.04\n,,,1e-6,0.06\n"
-    )
+@pytest.mark.parametrize("end", ["", ","])
+def test_settings_of_an_oscilloscope_are_no_columns(end: str, tmp_path: Path) -> None:
+    lines = ["Record Length,3,Points,-1e-6,0.02", "Sample Interval,1e-6,s,0.0,0.04", ",,,1e-6,0.06"]
+    path = written(tmp_path / "v.csv", "".join(f"{line}{end}\n" for line in lines))
     assert two_columns(path, "time", ("s", "m/s")) == ([-1e-6, 0.0, 1e-6], [0.02, 0.04, 0.06])
     first, second = describe_reading(path)
     assert "the last two of 5 columns" in first and first.endswith("3 rows of 2 columns from line 1 on")

@@ -550,6 +550,36 @@ def test_times_of_maps_are_those_of_equal_areas(tmp_path):
     np.testing.assert_allclose(np.array(area) / area[-1] * 0.98, [1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6, 0.98], atol=0.03)
 
 
+def test_the_first_map_shows_the_slip_of_a_patch_that_slips_at_once(tmp_path):
+    """Half of a surface ruptures at the start, where no point slips yet: its map is that of the second record."""
+    path = synthetic.write_surface_run(tmp_path / "run", count=11)
+    with h5py.File(path / "interface.h5", "a") as file:
+        time = file["time"][:]
+        half = np.arange(file["rupture_time"].shape[0]) % 2 == 0
+        file["rupture_time"][:] = np.where(half, time[0], 4.5 * time[1])
+        file["slip_rate_1"][0] = 0.0
+        file["slip_rate_1"][1:] = 1.0
+    with Record(path) as record:
+        axes = plots.slip_rate_maps(record)
+        titles = [ax.get_title(loc="right") for ax in axes.flat if ax.get_visible()]
+        assert [float(title.split()[0]) for title in titles] == pytest.approx([time[1], time[5]])
+        assert all(ax.xaxis.get_tick_params()["labelbottom"] for ax in axes.flat if ax.get_xlabel())
+        assert "Colours" not in remarks(axes.flat[0].figure)  # the largest value is the end of the colours
+
+
+def test_a_surface_without_slip_has_the_colour_of_zero(tmp_path):
+    path = synthetic.write_surface_run(tmp_path / "run", count=6)
+    with h5py.File(path / "interface.h5", "a") as file:
+        file["slip_1"][:] = 0.0
+        file["slip_2"][:] = 0.0
+        file["rupture_time"][:] = np.nan
+    with Record(path) as record:
+        (ax,) = np.ravel(plots.rupture_map(record))
+        mesh = next(item for item in ax.collections if item.get_array() is not None)
+        assert mesh.get_clim() == (0.0, 1.0) and mesh.get_array().max() == 0.0
+        assert remarks(ax.figure) == "No point has ruptured."
+
+
 def test_single_contacts_have_no_front(tmp_path):
     """Every third point slides: dots without lines, and no speed; groups of five have both."""
     path = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)

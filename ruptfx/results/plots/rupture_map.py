@@ -45,7 +45,7 @@ def rupture_map(
     slips = {name: magnitude_of(data, "slip", -1) for name, data in surfaces.items()}
     size, unit = sheet.scale("slip", np.concatenate(list(slips.values())), "m")
     x_scale = sheet.scale("x", max(map(_surface.extent, surfaces.values())), "m")
-    norm = Normalize(0, max(*(slip.max() / size for slip in slips.values()), 1e-300))
+    norm = Normalize(0, max(float(slip.max()) / size for slip in slips.values()) or 1.0)
     axes, stretch = _surface.panels(sheet, surfaces)
     known = np.concatenate([data["rupture_time"].values for data in surfaces.values()])
     known, step = known[np.isfinite(known)], 0.0

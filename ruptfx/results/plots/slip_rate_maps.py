@@ -13,7 +13,7 @@ from ruptfx.results.analysis.surface import magnitude_of
 from ruptfx.results.analysis.surface_events import peak_rates
 from ruptfx.results.figure_style import RATE_MAP, Array, scale
 from ruptfx.results.plots import surface_maps as _surface
-from ruptfx.results.plots._record import chosen, has_surface, nearest
+from ruptfx.results.plots._record import chosen, has_surface
 from ruptfx.results.plots._sheet import Sheet, Window, figure
 from ruptfx.results.record import Data, Files
 
@@ -46,8 +46,8 @@ def slip_rate_maps(
     Parameters
     ----------
     at
-        Times [s]; the nearest saved ones are drawn. Default: six, between which equal areas rupture; of cycles those of
-        the fastest rupture.
+        Times [s]; the nearest saved ones are drawn. Default: six, the first saved ones after equal parts of the ruptured
+        area have ruptured; of cycles those of the fastest rupture.
     fault : str or sequence of str, optional
         Names of surfaces. Default: all.
     field : str
@@ -62,7 +62,7 @@ def slip_rate_maps(
         raise RuptfxError(f"plots.slip_rate_maps: field = '{field}': {nearest_name(str(field), known)}")
     saved = first["time"].values
     slow = _is_slow(saved)
-    runs = _in_fastest(surfaces) if slow else nearest(saved, _while_it_runs(surfaces))
+    runs = _in_fastest(surfaces) if slow else _after(saved, _while_it_runs(surfaces))
     rows = np.unique(chosen(saved, at, runs[-1:] if sheet.is_given else runs))
     values = {name: [_at(data, field, int(row)) for row in rows] for name, data in surfaces.items()}
     all_values = np.concatenate([each for of_times in values.values() for each in of_times])
@@ -102,8 +102,14 @@ def slip_rate_maps(
     label = field.replace("_", " ").capitalize()
     sheet.figure.colorbar(drawn, ax=axes.ravel().tolist(), label=f"{label} ({unit})", shrink=0.7)
     sheet.letter(axes.ravel()[: len(panels)])
-    said = f"Colours end at {high / size:.3g} {unit}; the largest value is {all_values.max() / size:.3g}."
-    sheet.remark(said if all_values.max() > high else "", _surface.stretched(stretch))
+    end, largest = f"{high / size:.3g}", f"{all_values.max() / size:.3g}"
+    said = f"Colours end at {end} {unit}; the largest value is {largest}." if largest != end else ""
+    sheet.remark(said, _surface.stretched(stretch))
+
+
+def _after(saved: Array, wanted: Array) -> Array:
+    """Return the index of the first saved time after each wanted time: points that have just ruptured slip then."""
+    return np.minimum(np.searchsorted(saved, wanted, side="right"), len(saved) - 1)
 
 
 def _is_slow(saved: Array) -> bool:

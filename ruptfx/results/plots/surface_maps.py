@@ -246,3 +246,5 @@ def label(ax: Axes, data: Data, left: bool = True, below: bool = True, lengths: 
     """Label the axes of a map."""
     along, down = axis_names(data, lengths)
     ax.set(xlabel=along if below else "", ylabel=down if left else "")
+    if below:  # shared axes leave the numbers out above an empty place of the last row
+        ax.tick_params(labelbottom=True)
