@@ -133,13 +133,14 @@ def test_no_printed_output_is_cut(site: Path, tmp_path: Path) -> None:
 
 
 @browser
-@pytest.mark.parametrize("width", [400, 500])
-def test_tables_of_sources_fit_a_phone(width: int, site: Path, tmp_path: Path) -> None:
-    """Every cell is on the screen, and pictures are as wide as their row."""
+@pytest.mark.parametrize("width, part", [(400, 0.9), (500, 0.9), (800, 0.5), (1280, 0.2)])
+def test_tables_of_sources_are_as_wide_as_the_page(width: int, part: float, site: Path, tmp_path: Path) -> None:
+    """No cell is beyond the article; pictures take at least this part of its width, on a phone nearly all of it."""
+    article = "n.closest('.pst-scrollable-table-container').getBoundingClientRect()"
     beyond = f"""[...document.querySelectorAll('table.sources td, table.sources td *')]
-        .filter(n => n.getBoundingClientRect().right > {width}).map(n => n.textContent.slice(0, 60))"""
-    narrow = """[...document.querySelectorAll('table.sources img')]
-        .filter(n => n.getBoundingClientRect().width < 0.9 * n.closest('tr').clientWidth).length"""
+        .filter(n => n.getBoundingClientRect().right > {article}.right + 1).map(n => n.textContent.slice(0, 60))"""
+    narrow = f"""[...document.querySelectorAll('table.sources img')]
+        .filter(n => n.getBoundingClientRect().width < {part} * {article}.width).length"""
 
     async def act(tab: Tab) -> None:
         await tab.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
@@ -147,6 +148,29 @@ def test_tables_of_sources_fit_a_phone(width: int, site: Path, tmp_path: Path) -
         assert await tab.value("document.querySelectorAll('table.sources tr').length") > 50
         assert await tab.value(beyond) == []
         assert await tab.value(narrow) == 0
+
+    visit(site / "index.html", tmp_path / "profile", act)
+
+
+@browser
+def test_names_of_a_page_and_times_of_demos_are_not_cut(site: Path, tmp_path: Path) -> None:
+    beyond = """[...document.querySelectorAll('SELECTOR')].filter(n => {
+        const range = document.createRange();
+        range.selectNodeContents(n);
+        return range.getBoundingClientRect().right > n.closest('WITHIN').getBoundingClientRect().right + 1;
+    }).map(n => n.textContent)"""
+
+    async def act(tab: Tab) -> None:
+        for width, page, selector, within in (
+            (1280, "reference/friction", ".page-toc a", ".bd-sidebar-secondary"),
+            (400, "gallery/demos", ".demos td", "article"),
+        ):
+            await tab.call(
+                "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+            )
+            await tab.open(f"{site.as_uri()}/{page}.html")
+            assert await tab.value(f"document.querySelectorAll('{selector}').length") > 20
+            assert await tab.value(beyond.replace("SELECTOR", selector).replace("WITHIN", within)) == [], page
 
     visit(site / "index.html", tmp_path / "profile", act)
 

@@ -189,11 +189,15 @@ def misfit(
     begin, end = computed_time[0] - slack, computed_time[-1] + slack
     inside = (measured_time >= begin) & (measured_time <= end)
     if last <= first or inside.sum() < 2:
+        begun = computed_time[0] - measured_time[0]
+        clock = (
+            " Are these times of a clock? Then subtract its time at the beginning of the run: --time-shift "
+            f"'{begun:.12g} s' if that is the first one"
+        )
         raise RuptfxError(
             f"{what} have no two samples at common times: {measured_time[0]:.4g} to {measured_time[-1]:.4g} s "
             f"were measured, {computed_time[0]:.4g} to {computed_time[-1]:.4g} s computed; is the unit of time in the "
-            "header? Are these times of a clock? Then subtract its time at the beginning of the run: --time-shift "
-            f"'{computed_time[0] - measured_time[0]:.12g} s' if that is the first one"
+            f"header?{clock if begun else ''}"
         )
     least = inside.sum() / 2
     if not measured[inside].any():
