@@ -46,8 +46,8 @@ def slip_rate_maps(
     Parameters
     ----------
     at
-        Times [s]; the nearest saved ones are drawn. Default: six, the first saved ones after equal parts of the ruptured
-        area have ruptured; of cycles those of the fastest rupture.
+        Times [s]; the nearest saved ones are drawn. Default: six, the first saved ones after equal parts of the
+        ruptured area have ruptured; of cycles those of the fastest rupture.
     fault : str or sequence of str, optional
         Names of surfaces. Default: all.
     field : str
