@@ -6,7 +6,8 @@ import os
 import platform
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, overload
@@ -277,6 +278,34 @@ class Signals:
     def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def interruptible_progress(
+    comm: fem.MPI.Comm, show: bool, kept: Callable[[], str] = lambda: "nothing is kept"
+) -> Iterator[Callable[[float, str], None]]:
+    """Yield a report of progress that ends the work on all ranks once any of them received a stop signal; collective.
+
+    Parameters
+    ----------
+    show : bool
+        Whether this rank shows the progress.
+    kept : callable
+        Returns what is kept, for the message.
+
+    Raises
+    ------
+    Interrupted
+        On all ranks, when the progress is reported.
+    """
+    with Signals() as signals, Progress(show) as bar:
+
+        def report(done: float, text: str) -> None:
+            if received := signals.anywhere(comm):
+                raise Interrupted(f"stopped by {received}; {kept()}")
+            bar.update(done, text)
+
+        yield report
 
 
 def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:

@@ -443,6 +443,23 @@ def stop(process: subprocess.Popen[str]) -> None:
     assert process.returncode == 130 and re.search(r"stopped; \d+ runs are kept, the same command continues", errors)
 
 
+@pytest.mark.faults
+def test_an_inference_on_two_ranks_that_is_stopped_says_what_is_kept(tmp_path: Path) -> None:
+    """SIGTERM to the launcher: all ranks end at the next step, with one message and the exit code of a stopped run."""
+    with_unknowns(measured(SHEAR, None), FIELD, iterations=50).save(tmp_path)
+    command = [sys.executable, "-m", "ruptfx", "infer", "case.toml", "--out", "out", "--ranks", "2", "--quiet"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    wait_for_runs(tmp_path, 1)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    kept = len(list((tmp_path / "out/evaluations").glob("*.npz")))
+    text = " ".join(errors.split())
+    assert re.findall(r"stopped by (?:Ctrl-C|SIGTERM); (\d+) runs are kept, the same command continues", text) == [
+        str(kept)
+    ]
+
+
 @pytest.mark.slow
 @pytest.mark.faults
 def test_an_inference_on_two_cores_that_is_killed_goes_on(tmp_path: Path) -> None:

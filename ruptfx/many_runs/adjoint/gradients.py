@@ -34,6 +34,7 @@ from ruptfx.platform.progress import Progress, working
 from ruptfx.readings.instruments.model_readings import ModelReadings
 from ruptfx.readings.misfits import Misfit, Request, Sample, Trace, Unknown
 from ruptfx.run.model import Model
+from ruptfx.run.simulation import interruptible_progress
 
 if TYPE_CHECKING:
     import xarray
@@ -352,14 +353,14 @@ def gradient(  # noqa: PLR0913
         model = Model(case, comm)
     refuse(model)
     chosen(model.in_steps("explicit"), items, terms)  # refuses unknown keys before the first step
-    with Progress(show) as bar:
-        made = Objective(case, terms, comm, memory, bar.update, model)
+    with interruptible_progress(comm, show) as report:
+        made = Objective(case, terms, comm, memory, report, model)
     if not np.isfinite(made.value):
         raise RuptfxError(
             f"objective = {made.value:g}: its gradient is no number; give a larger sigma, in the SI unit of the data"
         )
-    with Progress(show) as bar:
-        result = made.gradient(items, bar.update)
+    with interruptible_progress(comm, show) as report:
+        result = made.gradient(items, report)
     for each in items:
         values = next(one.values for one in result if one.unknown.key == each.key)
         if np.any(values):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,16 +18,24 @@ from ruptfx.many_runs.adjoint.sweeps import Told
 from ruptfx.many_runs.inference import evaluations, posterior, searches
 from ruptfx.many_runs.inference.evaluations import Derivatives, Evaluation
 from ruptfx.many_runs.inference.evaluator import Evaluator
-from ruptfx.many_runs.inference.pool import Pool, check_method, check_ranks, interruptible, opened
+from ruptfx.many_runs.inference.pool import Pool, check_method, check_ranks, interruptible, kept_runs, opened
 from ruptfx.many_runs.inference.posterior import Posterior
 from ruptfx.many_runs.inference.result import Fit, Recovered, Result
 from ruptfx.platform import fem, parallel, run_files
 from ruptfx.platform.progress import Progress
 from ruptfx.readings.misfits import Inference
+from ruptfx.run.simulation import interruptible_progress
 
 Floats = NDArray[np.float64]
 DRAWS = 4000
 """Samples that are drawn of a normal posterior."""
+
+
+@contextmanager
+def _bar(show: bool) -> Iterator[Told]:
+    """Yield the report of a progress bar."""
+    with Progress(show) as bar:
+        yield bar.update
 
 
 class Inversion:
@@ -47,6 +56,8 @@ class Inversion:
         Processes that make the runs; without it this one does.
     finished : int
         Number of runs that are known.
+    reporting : callable
+        Context in which the progress is reported, from whether it is shown.
     """
 
     def __init__(self, case: Case, out: Path, comm: fem.MPI.Comm, progress: bool, memory: float) -> None:
@@ -60,7 +71,8 @@ class Inversion:
         self._expected = 0
         self._first_of_iteration = 0  # the number of its first run
         self._posterior: Posterior | None = None
-        self._bar = Progress(False)
+        self.reporting: Callable[[bool], AbstractContextManager[Told]] = _bar
+        self._report: Told = Progress(False).update
         searches.check(self._settings.method, case, self.evaluator.variables)
         self._known: dict[int, Evaluation] = parallel.on_root(comm, self._open)
         measured = [term.measured() for term in case.objective]
@@ -158,7 +170,7 @@ class Inversion:
 
     def _tell_runs(self, count: int) -> None:
         if self._expected:
-            self._bar.update(min(count / self._expected, 1.0), f"run {count} of {self._expected}, {self._told()}")
+            self._report(min(count / self._expected, 1.0), f"run {count} of {self._expected}, {self._told()}")
 
     def residuals(self, z: Floats) -> Floats:
         """Return the residuals of the data, and of the prior the variables that have one; collective."""
@@ -206,7 +218,7 @@ class Inversion:
 
     def tell(self, done: float, what: str) -> None:
         """Show the progress."""
-        self._bar.update(min(done, 1.0), f"{what}, run {len(self._runs)}, {self._told()}")
+        self._report(min(done, 1.0), f"{what}, run {len(self._runs)}, {self._told()}")
 
     def _part_done(self, part: float) -> float:
         """Return the finished part of a search, from that of the run in progress; the search may end earlier."""
@@ -224,7 +236,7 @@ class Inversion:
 
         def told(done: float, text: str) -> None:
             part = 1 - weight * (1 - begin - (end - begin) * done)
-            self._bar.update(min(self._part_done(part), 1.0), f"{about}, {text}")
+            self._report(min(self._part_done(part), 1.0), f"{about}, {text}")
 
         return told
 
@@ -234,10 +246,10 @@ class Inversion:
 
     def search(self, show: bool) -> Result:
         """Search with the method of the case; collective."""
-        with Progress(show) as self._bar:
+        with self.reporting(show) as self._report:
             reason, samples = searches.METHODS[self._settings.method](self, self._settings)
         number = self._iterates[-1]
-        with Progress(show) as self._bar:
+        with self.reporting(show) as self._report:
             self._posterior = self._uncertainty(number, samples)
         parallel.on_root(self._comm, self._write)
         best = self._runs[number]
@@ -384,7 +396,7 @@ def infer(  # noqa: PLR0913
         On all ranks, before the first step: no data, no unknowns, bounds that exclude the case, a field without a
         prior, features without an adjoint, a directory of another case; after the first run: an unknown that the
         objective does not depend on. With `cores` or `scheduler`: another method, or ranks that share this call;
-        dask.distributed is missing, a run has failed; after Ctrl-C, with the number of runs that are kept.
+        dask.distributed is missing, a run has failed; after Ctrl-C or SIGTERM, with the number of runs that are kept.
     """
     comm = fem.world(comm)
     out = Path(out)
@@ -400,6 +412,7 @@ def infer(  # noqa: PLR0913
         with interruptible(out):
             made = inversion.search(show)
     else:  # an interrupt of one rank would leave the others in a collective call
+        inversion.reporting = lambda show: interruptible_progress(comm, show, lambda: kept_runs(out))
         made = inversion.search(show)
 
     def finish() -> None:

@@ -116,11 +116,12 @@ def opened(out: Path, memory: float, cores: int, ranks: int, scheduler: str | No
 
 def interruptible(out: Path) -> AbstractContextManager[None]:
     """Let Ctrl-C and SIGTERM end an inference with the number of runs that are kept."""
+    return stoppable(lambda: kept_runs(out))
 
-    def kept() -> str:
-        return f"{len(list((out / 'evaluations').glob('*.npz')))} runs are kept, the same command continues"
 
-    return stoppable(kept)
+def kept_runs(out: Path) -> str:
+    """Return the number of runs that an inference has kept, for the message at its end."""
+    return f"{len(list((out / 'evaluations').glob('*.npz')))} runs are kept, the same command continues"
 
 
 def check_method(case: Case) -> None:

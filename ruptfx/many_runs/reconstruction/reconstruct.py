@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,10 @@ from ruptfx.many_runs.reconstruction.responses import Responses
 from ruptfx.many_runs.reconstruction.result import KNOWN, Curves, Reconstruction, Surface
 from ruptfx.many_runs.reconstruction.twin import Tractions, Twin
 from ruptfx.platform import fem, parallel
-from ruptfx.platform.progress import Progress, working
+from ruptfx.platform.progress import working
 from ruptfx.readings.misfits import Reconstruction as Settings
 from ruptfx.readings.misfits import Sample
+from ruptfx.run.simulation import interruptible_progress
 
 Floats = NDArray[np.float64]
 PASSES = 3
@@ -194,7 +196,7 @@ def reconstruct(
     ------
     RuptfxError
         On all ranks: no data or interface, bodies that are not linear, channels that see nothing of the interface, data
-        outside of the run or at irregular times, and more memory or runs than there may be.
+        outside of the run or at irregular times, and more memory or runs than there may be; after Ctrl-C or SIGTERM.
     """
     comm = fem.world(comm)
     show, settings = progress and comm.rank == 0, case.reconstruction or Settings()
@@ -208,13 +210,14 @@ def reconstruct(
     readings = twin.readings(experiment.requests)
     needs = needs_of(experiment, twin, readings)
     refuse_large(needs, twin, settings)
-    with Progress(show) as bar:
-        still = twin.run(readings, tell=bar.update)
     stored = Responses(twin, readings, experiment.sensors, None if responses is None else Path(responses))
+    reporting = partial(interruptible_progress, comm, show, lambda: _kept(stored, responses))
+    with reporting() as report:
+        still = twin.run(readings, tell=report)
     count, lags = len(experiment.channels), list[dict[str, Floats]]()
-    with Progress(show) as bar:
+    with reporting() as report:
         for number in range(count):
-            lags.append(stored.lags(number, _part(bar.update, number, count, "channel")))
+            lags.append(stored.lags(number, _part(report, number, count, "channel")))
     rows = experiment.rows(
         twin.knots, lambda number, phase: twin.kernel(readings, number, lags[number], phase), still.samples
     )
@@ -227,8 +230,8 @@ def reconstruct(
         lengths["amplitude"], lengths["length"], lengths["time"],
         stretched(geometry.locations, lengths["length"], dip_length), twin.knots.times, order=settings.order,
     )  # fmt: skip
-    with Progress(show) as bar:
-        tractions = stored.tractions(still, prior, lengths["amplitude"], bar.update)
+    with reporting() as report:
+        tractions = stored.tractions(still, prior, lengths["amplitude"], report)
     towards = (float(np.sign(np.sum(twin.shear_traction))) or 1.0) if geometry.tangents == 1 else 1.0
     at = Setting(experiment, rows, twin, still.samples, settings, stored, tractions, lengths, towards, chosen)
     set_up, begun = time.perf_counter() - begun, time.perf_counter()
@@ -238,9 +241,9 @@ def reconstruct(
     solved, begun = time.perf_counter() - begun - solution.seconds, time.perf_counter()
     if settings.positive:  # no sum of modes: one run each
         samples = geometry.without_reverse(samples, towards)
-        with Progress(show) as bar:
+        with reporting() as report:
             motions = [
-                twin.run(readings, each, _part(bar.update, number, len(samples), "run"))
+                twin.run(readings, each, _part(report, number, len(samples), "run"))
                 for number, each in enumerate(samples)
             ]
         of_samples = _curves(geometry, *(
@@ -272,6 +275,13 @@ def reconstruct(
         prior.of_columns(geometry.along).deviation(), solution.slip_deviation, geometry.along(samples), curves,
         experiment.channels, solution.fit, unknowns, lengths, chosen, about, solution.law, surface,
     )  # fmt: skip
+
+
+def _kept(stored: Responses, folder: str | Path | None) -> str:
+    """Return what is kept of a reconstruction that ends early, for its message."""
+    if folder is None:
+        return "nothing is kept"
+    return f"responses of {stored.computed + stored.read} channels are kept in {folder}, the same command continues"
 
 
 def _part(tell: Told, number: int, count: int, name: str) -> Told:
