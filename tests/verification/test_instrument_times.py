@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.small_cases import COMPLIANT, HOMALITE, case, slip_weakening, unstressed
+from helpers.small_cases import COMPLIANT, HOMALITE, case, slip_weakening, strike_slip, unstressed
 
 pytest.importorskip("dolfinx")
 
@@ -130,6 +130,37 @@ def test_a_rosette_has_the_tensor_of_a_uniform_strain(length: float | None) -> N
     assert found == pytest.approx(expected, abs=1e-15)
 
 
+@pytest.mark.parametrize("axes, labels", [
+    (None, "xy"), ([[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]], "xz"), ([[0.0, 1.0, 0.0], [0.0, 0.0, 3.0]], "yz"),
+    ([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], "12"),
+    ([[3.0, 4.0, 0.0], [-4.0, 3.0, 0.0]], "12"),
+])  # fmt: skip
+@pytest.mark.parametrize("length", [None, 1e-3])
+def test_a_rosette_on_any_face_of_a_solid(axes: Any, labels: str, length: float | None) -> None:
+    """A uniform strain of six components: an extension is n (e n), and the tensor is that along the axes."""
+    model = Model(parse_case(strike_slip({"order": 1, "mesh.element_size": 2e-3})))
+    gradient = 1e-6 * np.array([[1.0, 4.0, -2.0], [-1.0, -2.0, 0.5], [3.0, 1.5, 0.7]])
+    strain, angles = 0.5 * (gradient + gradient.T), [0.2, 1.1, 2.5]
+    gauge = StrainGauge(name="rosette", interval=1e-6, point=[0.5e-3, 0.7e-3, -2.5e-3], angles=angles,
+                        length=length, axes=axes)  # fmt: skip
+    gauge.check("instruments.0", "solid", "xyz")
+    readings = ModelReadings(model, lambda points: np.zeros((len(points), 6)))
+    field = (model.coordinates @ gradient.T).ravel()
+    found = {channel.name: sum(float(share.weights @ field[share.places]) for share in channel.shares)
+             for channel in gauge.channels(readings, "instruments.0")}  # fmt: skip
+    first, second = (np.array(each) / np.linalg.norm(each) for each in axes or np.eye(3)[:2])
+    grids = [np.cos(angle) * first + np.sin(angle) * second for angle in angles]
+    expected = {f"extension_{number}": n @ strain @ n for number, n in enumerate(grids, 1)}
+    a, b = labels
+    expected |= {f"strain_{a}{a}": first @ strain @ first, f"strain_{b}{b}": second @ strain @ second,
+                 f"strain_{a}{b}": first @ strain @ second}  # fmt: skip
+    assert found == pytest.approx(expected, abs=1e-14)
+    with pytest.raises(ValueError, match=facts(r"instruments\.0\.axes: .*plane = 'strain'.*remove axes")):
+        StrainGauge(name="g", interval=1e-6, point=[0.0, 0.0], axes=axes or np.eye(3)[:2].tolist()).check(
+            "instruments.0", "strain", "xy"
+        )
+
+
 def test_a_free_edge_carries_nothing() -> None:
     """K u + M a of nodes on which nothing acts is zero at the times of the forces, whatever the waves."""
     found, _, omega, _ = sampled(5e-8)
@@ -204,6 +235,7 @@ def test_the_bandwidth_of_an_instrument_is_that_of_its_filter(bandwidth: float) 
     ({"kind": "fault_receiver", "fault": "mian", "position": 0.0}, r"instruments\.0\.fault = 'mian': .*'main'"),
     ({"kind": "velocimeter", "point": [5e-3, 1e-3], "direction": [0.0, 0.0]}, "direction = .*must not be zero"),
     ({"kind": "strain_gauge", "point": [5e-3, 1e-3], "angles": ["0 deg", "90 deg", "180 deg"]}, "all three must"),
+    ({"kind": "strain_gauge", "point": [5e-3, 1e-3], "axes": [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}, "axes.*remove axes"),
 ])  # fmt: skip
 def test_what_is_refused(table: dict[str, Any], message: str) -> None:
     with pytest.raises(RuptfxError, match=facts(message)):
