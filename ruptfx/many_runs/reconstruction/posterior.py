@@ -356,12 +356,16 @@ def likeliest(
             1.0, lengths["length"], lengths["time"], scaled_positions, times, tail=1e-3, order=order
         )
         design = rows.design(prior)
-        values, vectors = np.linalg.eigh(design @ design.T)
-        values, squares = np.maximum(values, 0.0), (vectors.T @ scaled) ** 2
+        in_data = design.shape[0] <= design.shape[1]
+        values, vectors = np.linalg.eigh(design @ design.T if in_data else design.T @ design)
+        values = np.maximum(values, 0.0)
+        # Squares of B'd in the directions of the eigenvectors of B'B, from those of B B' if there are fewer data.
+        squares = values * (vectors.T @ scaled) ** 2 if in_data else (vectors.T @ (design.T @ scaled)) ** 2
 
         def cost(logarithm: float) -> float:
-            variance = np.exp(2 * logarithm) * values + 1
-            return float(np.sum(squares / variance + np.log(variance)))
+            factor = np.exp(2 * logarithm)
+            variance = factor * values + 1
+            return float(scaled @ scaled - np.sum(factor * squares / variance - np.log(variance)))
 
         if known["amplitude"] is not None:
             return cost(np.log(known["amplitude"])), known["amplitude"]
