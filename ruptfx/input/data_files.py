@@ -91,7 +91,7 @@ def _of_text(path: Path) -> list[Variable]:
     for place in range(table.width):
         cell = header[place] if header else f"column {place + 1}"
         name, unit = _name_and_unit(cell)
-        values = np.array(table.column(place))
+        values = np.array(table.column(place, gaps=True))
         result.append(Variable(name, values.shape, unit, values))
     return result
 
@@ -171,7 +171,7 @@ def _variable(name: str, values: np.ndarray, unit: str) -> Variable:
 
 
 def mapped(
-    path: Path, columns: Mapping[str, Column], known: Sequence[Variable] | None = None
+    path: Path, columns: Mapping[str, Column], known: Sequence[Variable] | None = None, gaps: bool = False
 ) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]:
     """Return times [s], channels and their units, of a file and a mapping.
 
@@ -182,6 +182,8 @@ def mapped(
         `time`, and the channels by name.
     known : sequence of Variable, optional
         Contents of the file, if it was read before.
+    gaps : bool
+        Whether channels may have samples that are not a number.
 
     Raises
     ------
@@ -195,7 +197,7 @@ def mapped(
         raise ValueError(f"{path}: a mapping needs time and one channel or more; add them")
     data, units = {}, {}
     for name, column in channels.items():
-        data[name], units[name] = _numbers(path, variables, name, column, None)
+        data[name], units[name] = _numbers(path, variables, name, column, gaps=gaps)
     count = len(next(iter(data.values())))
     time = columns["time"]
     if time.rate is not None:
@@ -212,8 +214,9 @@ def mapped(
 
 
 def _numbers(
-    path: Path, variables: Mapping[str, Variable], name: str, column: Column, unit: str | None
-) -> tuple[np.ndarray, str]:
+    path: Path, variables: Mapping[str, Variable], name: str, column: Column, unit: str | None = None,
+    gaps: bool = False,
+) -> tuple[np.ndarray, str]:  # fmt: skip
     if column.variable is None or column.variable not in variables:
         hint = nearest(str(column.variable), list(variables))
         raise ValueError(f"{path}: map.{name}.variable = '{column.variable}': no such array, {hint}")
@@ -231,9 +234,10 @@ def _numbers(
     values = variable.values if variable.values.ndim == 1 else variable.values[:, column.column - 1]
     if len(values) > MOST_LINES:
         raise ValueError(f"{path}: map.{name} has {len(values)} samples, at most {MOST_LINES}; leave out some")
-    if len(wrong := np.flatnonzero(~np.isfinite(values))):
+    if len(wrong := np.flatnonzero(~(np.isfinite(values) | (gaps & np.isnan(values))))):
+        remedy = "write NaN where a sample is missing" if gaps else "leave out these samples of all channels"
         raise ValueError(f"{path}: map.{name} has no finite number at {len(wrong)} of {len(values)} samples, the first "
-                         f"at index {wrong[0]}; leave out these samples of all channels")  # fmt: skip
+                         f"at index {wrong[0]}; {remedy}")  # fmt: skip
     return column.sign * values, text
 
 

@@ -64,7 +64,8 @@ def guess(variable: Variable, length: int) -> Guess:
     if len(values) < length and PLACES.search(name):
         largest = float(np.nanmax(np.abs(values), initial=0.0))
         return Guess("positions", unit or ("mm" if largest > 5 else "m"), not unit)
-    largest = float(np.nanmax(np.abs(values - np.nanmean(values)), initial=0.0))
+    known = values[np.isfinite(values)]
+    largest = float(np.abs(known - known.mean()).max()) if known.size else 0.0
     last = name.rpartition("/")[2]
     for pattern, kind, units in KINDS:
         if re.search(pattern, last, re.I):
@@ -162,6 +163,7 @@ def _mapped(channel: str, variable: Variable, known: Guess) -> list[str]:
 def _noise(variable: Variable, unit: str) -> str:
     """Return the line of the noise: the scatter of second differences of a signal, which a smooth signal has not."""
     values = variable.values if variable.values.ndim == 1 else variable.values[:, 0]
+    values = values[np.isfinite(values)]
     scatter = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6) if len(values) > 3 else 0.0
     return f'sigma = "{scatter:.3g} {unit}"   # scatter of {variable.name} between samples, a guess' if scatter else ""
 

@@ -41,6 +41,7 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eEdD][-+]?\d+)?")
 _DATE = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})")
 _CLOCK = re.compile(rf"(?:{_DATE.pattern}[ T])?(\d{{1,2}}):(\d{{2}})(?::(\d{{2}}(?:[.,]\d+)?))?")
 _MISSING = (-999.0, -9999.0, -99999.0, -999.25, 1e30, 9.9e37, 9.91e37)  # marks of missing values in many files
+_EMPTY = ("", "nan", "na", "n/a")  # cells without a sample, in lower case
 _FAR = 20.0  # times the largest other number of a column: such a mark is no number
 _OSCILLOSCOPE = 4  # columns at least, the last two of which are time and signal in files of oscilloscopes
 _NAMES = ("min", "bar", "deg", "rad")  # units that are also parts of names: x_min
@@ -77,8 +78,15 @@ class NumberTable:
         """Number of columns."""
         return len(self.rows[0])
 
-    def column(self, place: int, scale: Fraction | int = 1) -> list[float]:
+    def column(self, place: int, scale: Fraction | int = 1, gaps: bool = False) -> list[float]:
         """Return the numbers of a column, times a factor.
+
+        Parameters
+        ----------
+        place : int
+        scale : Fraction or int
+        gaps : bool
+            Whether cells may be empty or not a number (`nan`); their value is not a number.
 
         Raises
         ------
@@ -86,7 +94,10 @@ class NumberTable:
             A cell is no finite number, or marks a missing value.
         """
         words = [row[place] for row in self.rows]
-        values = [number(word, self.path, line) for word, line in zip(words, self.lines, strict=True)]
+        values = [
+            math.nan if gaps and word.lower() in _EMPTY else number(word, self.path, line)
+            for word, line in zip(words, self.lines, strict=True)
+        ]
         _refuse_marks(values, self.lines, self.path)
         return values if scale == 1 else _scaled(words, values, Fraction(scale))
 
@@ -254,7 +265,7 @@ def _refuse_marks(values: Sequence[float], lines: Sequence[int], path: Path) -> 
     ValueError
     """
     marked = [place for place, value in enumerate(values) if value in _MISSING]
-    others = [abs(value) for value in values if value not in _MISSING]
+    others = [abs(value) for value in values if value not in _MISSING and not math.isnan(value)]
     if marked and others and abs(values[marked[0]]) > _FAR * max(others):
         raise ValueError(
             f"line {lines[marked[0]]} of {path}: {values[marked[0]]:g} marks a missing value in many files, and the "
@@ -409,6 +420,9 @@ def _scaled(words: Iterable[str], values: Sequence[float], scale: Fraction) -> l
     shift = power.adjusted() if power == Decimal(1).scaleb(power.adjusted()) else None
     scaled = []
     for word, value in zip(words, values, strict=True):
+        if math.isnan(value):
+            scaled.append(value)
+            continue
         exact = Decimal(_plain(word))
         if abs(exact.adjusted()) > 400:  # exact arithmetic would take time and memory of its exponent
             scaled.append(value * float(scale))
@@ -540,13 +554,17 @@ def _decoded(path: Path) -> tuple[str, str]:
     raise ValueError(f"{path}: is no text in UTF-8, UTF-16 or Latin-1; write it as text in UTF-8")
 
 
-def with_units(path: Path, first: str | None = None, others: str | None = None) -> dict[str, tuple[list[float], str]]:
+def with_units(
+    path: Path, first: str | None = None, others: str | None = None, gaps: bool = False
+) -> dict[str, tuple[list[float], str]]:
     """Return all columns of a text file with the units of its header, by name.
 
     Parameters
     ----------
     first, others : str, optional
         Unit of which those of the first column and of all others must be multiples; None accepts every known unit.
+    gaps : bool
+        Whether cells of the others may be empty or not a number (`nan`); their value is not a number.
 
     Raises
     ------
@@ -568,7 +586,7 @@ def with_units(path: Path, first: str | None = None, others: str | None = None) 
         named.append((match[1].strip(), _symbol_of(match[2])))
     if len(dict(named)) < len(named):
         raise ValueError(f"{path}: two columns have the same name; rename one of them")
-    return {name: (table.column(place), unit) for place, (name, unit) in enumerate(named)}
+    return {name: (table.column(place, gaps=gaps and place > 0), unit) for place, (name, unit) in enumerate(named)}
 
 
 def two_columns(path: Path, first: str, units: Units, second: str | None = None) -> tuple[list[float], list[float]]:

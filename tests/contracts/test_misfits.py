@@ -233,7 +233,7 @@ PACKED = {"dtype": "i2", "scale_factor": 0.5, "add_offset": 10.0, "_FillValue": 
 
 
 def test_packed_and_missing_values_of_netcdf_files(tmp_path: Path) -> None:
-    """Integers with scale and offset are unpacked; missing values of a channel that counts are refused."""
+    """Integers with scale and offset are unpacked; a channel has the samples that are not missing."""
     values = {"velocity": ("time", [10.0, 20.5], {"units": "cm/s"}), "lost": ("time", [1.0, np.nan], {"units": "cm/s"})}
     found = xarray.Dataset(values, {"time": ("time", [3.0, 5.0], {"units": "us"})})
     packing = {"velocity": PACKED, "lost": PACKED, "time": {"dtype": "i4", "scale_factor": 0.25}}
@@ -241,8 +241,45 @@ def test_packed_and_missing_values_of_netcdf_files(tmp_path: Path) -> None:
     term = {"kind": "traces", "instrument": "body", "file": "data.nc", "sigma": 0.1}
     (made,) = case_with({**term, "channels": ["velocity"]}, tmp_path).objective
     assert made.times == pytest.approx([3e-6, 5e-6]) and made.data == {"velocity": pytest.approx([10.0, 20.5])}
-    with pytest.raises(CaseError, match=facts(r"objective\.0: .*data\.nc: 'lost' .* 1 of 2 times.*in channels")):
+    (made,) = case_with(term, tmp_path).objective
+    assert made.missing == {"lost": [1]} and [len(each.times) for each in made.measured()] == [2, 1]
+    found = found.assign_coords(time=("time", [3.0, np.nan], {"units": "us"}))
+    found.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
+    with pytest.raises(
+        CaseError, match=facts(r"objective\.0: .*data\.nc: 'time' .* 1 of 2 times.*leave out these times")
+    ):
         case_with(term, tmp_path)
+
+
+def test_missing_samples_of_one_channel_do_not_count(tmp_path: Path) -> None:
+    """Empty cells, nan and listed numbers are the same; the objective is the sum over the other samples of the two."""
+    receiver = {"kind": "receiver", "name": "r", "interval": 1e-7, "point": [18e-3, 2e-3]}
+    lines = ["time (us),velocity_x (mm/s),velocity_y (mm/s)", "3,10,1", "4,,2", "5,30,NaN", "6,40,4", "7,50,5"]
+    (tmp_path / "gaps.csv").write_text("\n".join(lines))
+    (tmp_path / "full.csv").write_text("\n".join(lines).replace(",,", ",20,").replace("NaN", "3"))
+    term = {"kind": "traces", "instrument": "r", "file": "full.csv", "sigma": "2 mm/s"}
+    gaps = {"velocity_x": [1], "velocity_y": [2]}
+    made = case_with({**term, "file": "gaps.csv"}, tmp_path, instruments=[receiver])
+    listed = case_with({**term, "missing": gaps}, tmp_path, instruments=[receiver])
+    full = case_with(term, tmp_path, instruments=[receiver])
+    assert made.objective[0].missing == gaps and parse_case(made.table()) == made
+    assert made.objective[0].data["velocity_x"] == pytest.approx([10, 20, 30, 40, 50])  # linear in between
+    of_gaps, of_list, of_all = (Objective(each, each.objective, record=False) for each in (made, listed, full))
+    residuals = of_all.residuals()
+    assert residuals is not None and of_gaps.value == of_list.value
+    left = np.delete(residuals[0], [1, 5 + 2])
+    assert of_gaps.value == pytest.approx(0.5 * left @ left, rel=1e-14)
+    assert [len(each.times) for each in made.objective[0].measured()] == [4, 4]
+    for change, message in (
+        ({"missing": {"velocity_z": [1]}}, r"objective\.0: missing\.velocity_z: .*velocity_"),
+        ({"missing": {"velocity_x": [5]}}, r"objective\.0: missing\.velocity_x: sample 5 of 5.*remove it"),
+        ({"missing": {"velocity_y": [4, 0, 1, 2, 3]}}, r"objective\.0: data\.velocity_y: all samples.*in channels"),
+        ({"missing": {"velocity_x": [1]}, "bandwidth": 1e5}, r"bandwidth = 100000 Hz: .* 4e-06 s; remove bandwidth"),
+        ({"missing": {"velocity_x": [0, 1]}, "end": 4e-6}, r"objective\.0\.data\.velocity_x: all samples.*channels"),
+    ):  # fmt: skip
+        with pytest.raises(CaseError, match=facts(message)):
+            wrong = case_with({**term, **change}, tmp_path, instruments=[receiver])
+            Objective(wrong, wrong.objective, record=False)
 
 
 def test_decimal_commas_are_read_where_semicolons_separate_columns(tmp_path: Path) -> None:
@@ -252,7 +289,8 @@ def test_decimal_commas_are_read_where_semicolons_separate_columns(tmp_path: Pat
 
 
 @pytest.mark.parametrize("text, message", [
-    ("time (us),velocity (m/s)\n1,2\n2,\n", r"line 3 .*: '' must be a finite number; .*leave out the line"),
+    ("time (us),velocity (m/s)\n1,2\n2,#OVF\n", r"line 3 .*: '#OVF' must be a finite number; .*leave out the line"),
+    ("time (us),velocity (m/s)\n1,2\n,3\n", r"line 3 .*: '' must be a finite number; .*leave out the line"),
     ("time (us),velocity\n1,2\n", r"line 1 of .*, column 2, 'velocity': has no unit"),
     ("time (us)\n1\n2\n", r"data\.csv: has one column"),
     ("time (us),velocity (m/s)\n1,2\n1,3\n", "1e-06 s after 1e-06 s.*remove one of the two"),

@@ -72,6 +72,55 @@ def traces(values: dict[str, np.ndarray], times: np.ndarray = TIMES) -> list[dic
     ]  # fmt: skip
 
 
+def rows_of(case: Case) -> tuple[Rows, Twin]:
+    """The data of a case with their impulse responses, and its bodies."""
+    data = Experiment(case)
+    assert case.reconstruction is not None
+    twin = Twin(case, interval=data.interval, begin=case.reconstruction.begin, end=data.end)
+    data.bind(twin.model)
+    readings = twin.readings(data.requests)
+    lags = [{clock: twin.lags(readings, number, clock) for clock in readings.sources(number)}
+            for number in range(len(data.channels))]  # fmt: skip
+    rows = data.rows(twin.knots, lambda number, phase: twin.kernel(readings, number, lags[number], phase),
+                     twin.run(readings).samples)  # fmt: skip
+    return rows, twin
+
+
+@pytest.mark.parametrize("solid", [False, True])
+def test_missing_samples_are_as_if_their_rows_were_removed(solid: bool) -> None:
+    """Of one channel of the second sensor; mean, deviation and the likelihood of the prior."""
+    case = solid_experiment()[0] if solid else experiment()[0]
+    rows, twin = solid_experiment()[2:] if solid else rows_of(case)
+    terms, lost = case.table()["objective"], [4, 5, 9]
+    name = next(iter(terms[1]["data"]))
+    terms[1]["data"][name] = [np.nan if number in lost else each for number, each in enumerate(terms[1]["data"][name])]
+    gaps = case.changed("objective", terms)
+    without, _ = rows_of(gaps)
+    before = sum(len(each) for each in terms[0]["data"].values())
+    wanted = rows.some(np.delete(np.arange(len(rows.values)), before + np.array(lost)))
+    assert len(without.values) == len(rows.values) - 3
+    positions = stretched(twin.geometry.locations, 3e-3, 2e-3 if solid else None)
+    made, like = (Posterior(Prior.of_lengths(0.5, 3e-3, 1.2e-6, positions, twin.knots.times), each)
+                  for each in (without, wanted))  # fmt: skip
+    for attribute in ("mean", "fit"):
+        size = np.abs(getattr(like, attribute)).max()
+        np.testing.assert_allclose(getattr(made, attribute), getattr(like, attribute), rtol=0, atol=1e-10 * size)
+    np.testing.assert_allclose(made.deviation(), like.deviation(), rtol=0, atol=1e-10)
+    assert np.abs(made.deviation() - Posterior(made.prior, rows).deviation()).max() > 1e-6
+    known = {"amplitude": None, "length": 3e-3, "time": 1.2e-6}
+    both = [
+        likeliest(known, each, twin.geometry.locations, twin.knots.times)["amplitude"] for each in (without, wanted)
+    ]
+    assert both[0] == pytest.approx(both[1], rel=1e-10)
+    data = Experiment(gaps)
+    data.bind(twin.model)
+    notes = replace(synthetic(), channels=data.channels, fits=[each.values for each in data.channels]).notes()
+    count = len(terms[1]["times"])
+    assert [each.split(": ")[1] for each in notes] == [f"3 of {count} samples are missing"] and notes[0].startswith(
+        terms[1]["instrument"]
+    )
+
+
 @cache
 def solid_experiment() -> tuple[Case, np.ndarray, Rows, Twin]:
     """Case of a surface with the data of a random slip rate, which is returned in its columns, and the bodies."""
@@ -94,11 +143,9 @@ def solid_experiment() -> tuple[Case, np.ndarray, Rows, Twin]:
     for term in terms:
         term["data"] = {name: list(next(samples).values + sigma * random.normal(size=len(times)))
                         for name in term["data"]}  # fmt: skip
-    lags = [{clock: twin.lags(readings, number, clock) for clock in readings.sources(number)}
-            for number in range(len(data.channels))]  # fmt: skip
-    rows = data.rows(twin.knots, lambda number, phase: twin.kernel(readings, number, lags[number], phase),
-                     twin.run(readings).samples)  # fmt: skip
-    return plain.changed("objective", terms), slip_rate, rows, twin
+    case = plain.changed("objective", terms)
+    rows, _ = rows_of(case)
+    return case, slip_rate, rows, twin
 
 
 def test_posterior_of_a_surface_equals_the_closed_form() -> None:
@@ -182,6 +229,46 @@ def test_slip_of_a_surface_is_reconstructed_within_its_deviation(tmp_path: Path)
         assert f"reconstruction.{key}" in text and "remove the key" in text
 
 
+def test_a_mirrored_surface_and_other_units_give_the_mirrored_and_the_same_map() -> None:
+    """Sensors, data and rake of the mirror image in the plane of y and z; data in mm/s and places in mm."""
+    case, _, rows, twin = solid_experiment()
+    lengths = {"amplitude": 0.5, "length": 3e-3, "time": 1.2e-6}
+
+    def maps(rows: Rows, twin: Twin, side: float) -> tuple[np.ndarray, ...]:
+        """Both components, and the mean and deviation in the direction of the shear stress, by the place of a point."""
+        geometry, times = twin.geometry, twin.knots.times
+        prior = Prior.of_lengths(**lengths, position=stretched(geometry.locations, 3e-3, 2e-3), times=times)
+        made, order = Posterior(prior, rows), np.lexsort(np.round(geometry.points * [side, 1, 1], 9).T)
+        fields = prior.fields(made.mean)
+        parts = [
+            *geometry.split(fields),
+            geometry.along(fields),
+            made.deviation(prior=prior.of_columns(geometry.along)),
+        ]
+        return tuple(each[:, order] for each in parts)
+
+    base, table = maps(rows, twin, 1.0), case.table()
+    terms, gauges = table["objective"], table["instruments"]
+    mirrored = case.changed("faults.main.initial_stress.rake", 150.0)
+    mirrored = mirrored.changed("instruments", [
+        {**each, "point": [-each["point"][0], *each["point"][1:]]} for each in gauges
+    ]).changed("objective", [
+        {**each, "data": {**each["data"], "velocity_x": [-value for value in each["data"]["velocity_x"]]}}
+        for each in terms
+    ])  # fmt: skip
+    image = maps(*rows_of(mirrored), -1.0)
+    for sign, one, other in zip((-1, 1, 1, 1), base, image, strict=True):
+        np.testing.assert_allclose(sign * other, one, rtol=0, atol=1e-8 * np.abs(one).max())
+    scaled = case.changed("instruments", [
+        {**each, "point": [f"{1e3 * x:.12g} mm" for x in each["point"]]} for each in gauges
+    ]).changed("objective", [
+        {**each, "sigma": f"{1e3 * each['sigma']:.12g} mm/s", "units": dict.fromkeys(each["units"], "mm/s"),
+         "data": {name: (1e3 * np.array(values)).tolist() for name, values in each["data"].items()}} for each in terms
+    ])  # fmt: skip
+    for one, other in zip(base, maps(*rows_of(scaled), 1.0), strict=True):
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-10 * np.abs(one).max())
+
+
 @cache
 def experiment() -> tuple[Case, np.ndarray, np.ndarray]:
     """Case with the data of a random slip rate, which is returned at its knots, and the slip at the last one."""
@@ -235,9 +322,11 @@ def test_impulse_responses_equal_runs_with_prescribed_slip(plane: str, half: boo
         changes["mesh"] = {"kind": "half_plate", "length": 32e-3, "height": 8e-3, "element_size": 2e-3}
     if plane == "solid":
         loaded = {"kind": "driven", "edge": "minus.left", "component": "y", "velocity": 0.4, "ramp": 3e-6}
-        gauge = {**GAUGES[0], "point": [-1e-3, 1e-3, -1e-3], "length": 1e-3}
-        case = parse_case(solid_specimen(damping=changes["damping"], duration=10e-6, instruments=[SENSORS[0], gauge],
-                                         boundaries=[loaded]))  # fmt: skip
+        gauge = {**GAUGES[0], "point": [-1e-3, 1e-3, 0.0], "length": 1e-3}  # on the face of x and y
+        below = {**GAUGES[0], "name": "below", "point": [-1e-3, 1e-3, -2e-3], "length": 1e-3,
+                 "axes": [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}  # fmt: skip
+        case = parse_case(solid_specimen(damping=changes["damping"], duration=10e-6, boundaries=[loaded],
+                                         instruments=[SENSORS[0], gauge, below]))  # fmt: skip
     else:
         case = parse_case(slip_weakening(changes))
     assert isinstance(case, Case)

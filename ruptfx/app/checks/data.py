@@ -66,6 +66,9 @@ def _about(term: Misfit, measured: Sequence[Measured]) -> str:
     """Return number and length of traces, their window, and their size in standard deviations of the noise."""
     lengths = sorted({len(each.values) for each in measured})
     count = " to ".join(f"{each}" for each in ([lengths[0], lengths[-1]] if len(lengths) > 1 else lengths))
+    measured = [each for each in measured if len(each.values)]
+    if not measured:
+        return f"{term.kind()}: no samples between begin and end"
     first, last = min(each.times[0] for each in measured), max(each.times[-1] for each in measured)
     text = f"{term.kind()}: {len(measured)} traces x {count} samples, {first:.4g} to {last:.4g} s"
     sigma: float | None = getattr(term, "sigma", None)

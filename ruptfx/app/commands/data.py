@@ -32,6 +32,8 @@ def data(
     Example: ruptfx data event_12.mat --instrument G1
     """
     with reported():
+        import numpy as np
+
         from ruptfx import RuptfxError
         from ruptfx.input.data_files import contents, events_of
         from ruptfx.input.data_guesses import guess, proposal
@@ -50,15 +52,16 @@ def data(
             shown = ", ".join(path.name for path in others[:3])
             screen.print(f"{len(others)} of them have other arrays or widths: {shown}", soft_wrap=True)
         length = max(each.shape[0] for each in variables)
-        table = Table("array", "shape", "unit", "kind", "from", "to", "rate", box=None, pad_edge=False)
-        for each in variables:
+        missing = [int(np.isnan(each.values).sum()) for each in variables]
+        heads = ["array", "shape", "unit", "kind", "from", "to", "rate", *["missing"] * any(missing)]
+        table = Table(*heads, box=None, pad_edge=False)
+        for each, lost in zip(variables, missing, strict=True):
             known = guess(each, length)
             unit = f"{known.unit}?" if known.is_guess else known.unit
             rate = f"{known.rate:.6g} Hz" if known.rate is not None else ""
             shape = " x ".join(map(str, each.shape))
-            table.add_row(
-                each.name, shape, unit, known.kind, f"{each.values.min():.6g}", f"{each.values.max():.6g}", rate
-            )
+            ends = [f"{extreme.reduce(each.values, axis=None):.6g}" for extreme in (np.fmin, np.fmax)]
+            table.add_row(each.name, shape, unit, known.kind, *ends, rate, *[str(lost or "")] * any(missing))
         table_console().print(table)
         screen.print("\nProposed mapping, ? is a guess; rename channels to those of the instrument:\n", soft_wrap=True)
         for line in proposal(variables, instrument, files[0].as_posix().replace("\\", "/")):

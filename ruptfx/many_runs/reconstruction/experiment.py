@@ -32,8 +32,8 @@ MOST = 20_000
 """Largest number of data."""
 UNSEEN = 1e-9
 """Part of the largest response of a channel in the same unit below which a channel sees nothing of the interface."""
-DATA = ("times", "data", "units", "sigma", "begin", "end", "time_shift", "gain", "offset", "channels", "time",
-        "displacement_x", "displacement_y")  # fmt: skip
+DATA = ("times", "data", "units", "sigma", "begin", "end", "time_shift", "gain", "offset", "channels", "missing",
+        "time", "displacement_x", "displacement_y")  # fmt: skip
 """Keys of terms on which impulse responses do not depend."""
 
 
@@ -49,6 +49,8 @@ class Channel:
         Number of the term, and of the reading among those of the term.
     times, values, sigma : ndarray, shape (m,)
         Times of the run [s], data, and standard deviations of their noise.
+    missing : int
+        Number of further times without a sample.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Channel:
     times: Floats
     values: Floats
     sigma: Floats
+    missing: int = 0
 
 
 class Experiment:
@@ -122,7 +125,7 @@ class Experiment:
                 # The residual (gain y + offset - d) / sigma is affine in the reading y.
                 self.channels.append(Channel(
                     measured.name, request.channel.unit, number, place, cast(Floats, request.times),
-                    -residual / slope, 1 / slope,
+                    -residual / slope, 1 / slope, measured.missing,
                 ))  # fmt: skip
                 self.requests.append(request)
                 self.sensors.append(self._sensor(term, request))

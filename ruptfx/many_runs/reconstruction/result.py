@@ -235,8 +235,14 @@ class Reconstruction:
         return np.array([np.mean(((channel.values - fit) / channel.sigma) ** 2) for channel, fit in pairs])
 
     def notes(self) -> list[str]:
-        """Return a sentence for each channel that is not fitted, with the time shift that would fit it better."""
-        texts = []
+        """Return a sentence for each channel with missing samples, and for each that is not fitted.
+
+        The latter has the time shift that would fit it better.
+        """
+        texts = [
+            f"{each.name}: {each.missing} of {each.missing + len(each.times)} samples are missing"
+            for each in self.channels if each.missing
+        ]  # fmt: skip
         for channel, fit, misfit in zip(self.channels, self.fits, self.misfits, strict=True):
             count = len(channel.values)
             if misfit <= 1 + TOO_LARGE * np.sqrt(2 / count):

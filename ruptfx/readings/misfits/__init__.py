@@ -91,12 +91,15 @@ class Measured:
     values : ndarray, shape (m,)
         In the SI unit of the channel.
     unit : str
+    missing : int
+        Number of further times without a sample.
     """
 
     name: str
     times: Floats
     values: Floats
     unit: str = "1"
+    missing: int = 0
 
 
 Request = Trace | Final

@@ -37,8 +37,9 @@ class Traces(Misfit):
     `time (us), slip_rate (m/s)`; of a file of several instruments those with its name, `G1 (um/m)` of a single channel,
     `G1.extension_1 (um/m)`, `G1 45 deg (um/m)`. Another file is NetCDF, of which the group of the instrument is read,
     as `instruments.h5` of a run has one, or the variables of the file, if it has no groups; `time` and every channel
-    have an attribute `units`. A case contains the data, not the file. Data before the start of the run or after its
-    end are refused; `begin` and `end` leave them out.
+    have an attribute `units`. A case contains the data, not the file. Cells of a channel that are empty or not a number
+    (NaN) are missing samples, which do not count; the other channels have theirs. Data before the start of the run or
+    after its end are refused; `begin` and `end` leave them out.
     """
 
     example: ClassVar[str] = (
@@ -59,6 +60,9 @@ class Traces(Misfit):
     """Values at these times by channel, in place of a file."""
     units: dict[str, str] = {}
     """Unit of each channel of `data`."""
+    missing: dict[str, list[Annotated[int, Field(ge=0)]]] = {}
+    """Numbers, from 0, of the times at which a channel has no sample; its data there do not count. Data that are not a
+    number are added to them."""
     channels: Annotated[list[str], Field(min_length=1)] | None = None
     """Channels that count; default is all of the data."""
     sigma: Annotated[Positive, without_unit("the channels")]
@@ -89,7 +93,8 @@ class Traces(Misfit):
             number, units = si_and_units(values.get(key))
             units_of += [(key, unit) for unit in units]
             values = {**values, key: number} if units else values
-        file = cls._read(values, handler, info) if isinstance(values.get("file"), str) else handler(values)
+        has_file = isinstance(values.get("file"), str)
+        file = cls._read(values, handler, info) if has_file else handler(_without_gaps(values))
         for (key, unit), name in itertools.product(units_of, file._chosen):
             try:
                 factor(unit, file.units.get(name, "1"))
@@ -105,7 +110,7 @@ class Traces(Misfit):
         path = Path((info.context or {}).get("directory") or ".", values["file"])
         if values.get("map"):
             columns = {str(name): Column.model_validate(each) for name, each in dict(values["map"]).items()}
-            seconds, arrays, units = mapped(path, columns)
+            seconds, arrays, units = mapped(path, columns, gaps=True)
             times, data = seconds.tolist(), {name: each.tolist() for name, each in arrays.items()}
         else:
             read = _from_run if path.suffix in (".h5", ".nc") else _from_text
@@ -116,7 +121,7 @@ class Traces(Misfit):
             "data": data,
             "units": units,
         }
-        result = handler(entries)
+        result = handler(_without_gaps(entries))
         result.__dict__["_read_from"] = str(path)
         return result
 
@@ -144,13 +149,42 @@ class Traces(Misfit):
                 factor(self.units[name], None)
             except ValueError as error:
                 raise ValueError(f"units.{name} = '{self.units[name]}': {error}") from None
+        self._check_missing()
         return self
+
+    def _check_missing(self) -> None:
+        """Refuse numbers of samples that a channel does not have, and a filter over gaps.
+
+        Raises
+        ------
+        ValueError
+        """
+        for name, numbers in self.missing.items():
+            if name not in self.data:
+                raise ValueError(f"missing.{name}: no channel of the data, {nearest(name, list(self.data))}")
+            if numbers and max(numbers) >= len(self.times):
+                raise ValueError(f"missing.{name}: sample {max(numbers)} of {len(self.times)}, which are counted from "
+                                 "0; remove it")  # fmt: skip
+            if name in self._chosen and len(set(numbers)) == len(self.times):
+                raise ValueError(f"data.{name}: all samples are missing; leave out the channel by naming the others in "
+                                 "channels")  # fmt: skip
+            if numbers and name in self._chosen and self.bandwidth is not None:
+                raise ValueError(
+                    f"bandwidth = {self.bandwidth:g} Hz: filters the data of all times, and '{name}' has no sample at "
+                    f"{self.times[numbers[0]]:g} s; remove bandwidth, or leave the channel out with channels"
+                )
 
     @property
     def _inside(self) -> np.ndarray:
         times = np.array(self.times)
         begin, end = -np.inf if self.begin is None else self.begin, np.inf if self.end is None else self.end
         return (times >= begin) & (times <= end)
+
+    def _counts(self, name: str) -> np.ndarray:
+        """Return whether the sample of a channel counts, at every time."""
+        counts = self._inside
+        counts[self.missing.get(name, [])] = False
+        return counts
 
     def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
         case = bodies.model.case
@@ -193,6 +227,9 @@ class Traces(Misfit):
                     f"{key}.data.{name}: contains the initial stress of the bodies, which is not differentiated; use "
                     "channels of motion, strain or the interface"
                 )
+            if not self._counts(name).any():
+                raise CaseError(f"{key}.data.{name}: all samples in the window are missing; leave out the channel with "
+                                "channels, or change begin or end")  # fmt: skip
             units.add(value[name].unit)
             try:
                 factor(self.units[name], value[name].unit)
@@ -207,7 +244,8 @@ class Traces(Misfit):
                 "channels of each unit, with `channels`"
             )
         bandwidth = self.bandwidth or instrument.bandwidth
-        return [Trace(value[name], times + self.time_shift, bandwidth) for name in chosen]
+        times = np.array(self.times) + self.time_shift
+        return [Trace(value[name], times[self._counts(name)], bandwidth) for name in chosen]
 
     def _check_inside(self, times: Floats, duration: float, key: str) -> None:
         shifted = times + self.time_shift
@@ -266,9 +304,31 @@ class Traces(Misfit):
             values = np.array(self.data[name]) * float(factor(self.units[name], None))  # SI
             if self.bandwidth is not None:
                 values = filtered(times, values, self.bandwidth)
-            label, unit = f"{self.instrument}, {name}", _si_unit(self.units[name])
-            result.append(Measured(label, times[self._inside], values[self._inside], unit))
+            label, unit, counts = f"{self.instrument}, {name}", _si_unit(self.units[name]), self._counts(name)
+            lost = int(self._inside.sum() - counts.sum())
+            result.append(Measured(label, times[counts], values[counts], unit, lost))
         return result
+
+
+def _without_gaps(values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the entries of a term whose data are numbers: those that are not are interpolated, and missing."""
+    data, missing = values.get("data"), values.get("missing") or {}
+    if not isinstance(data, Mapping) or not isinstance(missing, Mapping):
+        return values  # refused with its key
+    filled, gaps = dict(data), dict(missing)
+    for name, each in data.items():
+        try:
+            numbers = np.asarray(each, dtype=float)
+        except (TypeError, ValueError):
+            continue
+        lost, before = np.isnan(numbers), gaps.get(name, [])
+        if numbers.ndim != 1 or not lost.any() or not isinstance(before, list):
+            continue
+        at, known = np.arange(len(numbers)), ~lost
+        numbers[lost] = np.interp(at[lost], at[known], numbers[known]) if known.any() else 0.0
+        filled[name] = numbers.tolist()
+        gaps[name] = [*before, *(each for each in at[lost].tolist() if each not in before)]
+    return {**values, "data": filled, "missing": gaps} if gaps else values
 
 
 def _si_unit(unit: str) -> str:
@@ -285,7 +345,7 @@ def _si_unit(unit: str) -> str:
 def _from_text(
     path: Path, instrument: str, channels: object
 ) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
-    columns = number_files.with_units(path, "s")
+    columns = number_files.with_units(path, "s", gaps=True)
     (_, (times, unit)), *rest = columns.items()
     if not rest:
         raise ValueError(f"{path}: has one column; it needs the time and one channel or more, as velocity (m/s)")
@@ -332,10 +392,11 @@ def _from_run(
         units = {name: unit_and_factor(path, name, group[name].attrs, None)[0] for name in names}
         data = {name: unpacked(path, group[name], number_files.MOST_LINES) for name in names}
         for name, each in (("time", times), *data.items()):
-            if len(wrong := np.flatnonzero(~np.isfinite(each))):
-                others = "" if name == "time" else ", or leave out this one by naming the others in channels"
+            wrong = ~np.isfinite(each) if name == "time" else np.isinf(each)
+            if wrong.any():
+                remedy = "leave out these times" if name == "time" else "write NaN for a missing sample"
                 raise ValueError(
-                    f"{path}: '{name}' has no finite number at {len(wrong)} of {len(each)} times, the first at "
-                    f"index {wrong[0]}; leave out these times of all channels{others}"
+                    f"{path}: '{name}' has no finite number at {wrong.sum()} of {len(each)} times, the first at "
+                    f"index {np.argmax(wrong)}; {remedy}"
                 )
         return times.tolist(), {name: each.tolist() for name, each in data.items()}, units
