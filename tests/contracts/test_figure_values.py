@@ -523,6 +523,9 @@ def test_states_of_contact_have_the_colours_of_the_legend(records: Callable[[str
     colours = [to_hex(handle.get_facecolor()) for handle in legend.legend_handles]
     assert [to_hex(states.to_rgba(state)) for state in range(4)] == colours
     panels: Any = plots.surfaces(record, at=AT, field="surfaces")
+    shown = record.interface["contact"].values[[at_row(record, time) for time in AT]]
+    found = [text.get_text() for text in panels.flat[0].get_legend().get_texts()]
+    assert found == [name for state, name in enumerate(names) if state in shown]  # what is not drawn is not explained
     for ax, time in zip(panels, AT, strict=True):
         (points,) = ax.collections
         wanted = record.interface["contact"].values[at_row(record, time)]

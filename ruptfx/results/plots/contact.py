@@ -8,7 +8,7 @@ from matplotlib.colors import ListedColormap
 from ruptfx.results.figure_style import edges
 from ruptfx.results.plots._record import along, at_positions, end_time
 from ruptfx.results.plots._sheet import Sheet, Window, figure
-from ruptfx.results.plots._states import COLOURS, explain, has_states
+from ruptfx.results.plots._states import COLOURS, explain, has_states, names_of
 from ruptfx.results.record import Files
 
 
@@ -32,6 +32,7 @@ def contact(sheet: Sheet, record: Files, *, x: Window | None = None) -> None:
     ax.set(xlabel=labels[0], ylabel=labels[1], ylim=(record.since / t_size, until / t_size))
     colours = ListedColormap(list(COLOURS.values()))
     grid = edges(position) / x_size, edges(time) / t_size
-    ax.pcolormesh(*grid, data["contact"].values, cmap=colours, vmin=-0.5, vmax=len(COLOURS) - 0.5, rasterized=True)
-    explain(ax, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=1.0, handlelength=1.2)
+    states = data["contact"].values
+    ax.pcolormesh(*grid, states, cmap=colours, vmin=-0.5, vmax=len(COLOURS) - 0.5, rasterized=True)
+    explain(ax, names_of(states), loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=1.0, handlelength=1.2)
     sheet.remark(f"States of {len(time)} records; what is shorter than the time between them is not seen.")

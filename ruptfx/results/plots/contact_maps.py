@@ -15,7 +15,7 @@ from ruptfx.results.figure_style import RATE_MAP, Array, edges, scale
 from ruptfx.results.plots import surface_maps as _surface
 from ruptfx.results.plots._record import chosen, has_surface
 from ruptfx.results.plots._sheet import Sheet, figure
-from ruptfx.results.plots._states import COLOURS, explain
+from ruptfx.results.plots._states import COLOURS, explain, names_of
 from ruptfx.results.record import Data, Files
 
 PANELS = ("pressure", "states", "slip")
@@ -88,7 +88,7 @@ def area_scale(area: float) -> tuple[float, str]:
 def _draw_pressure(sheet: Sheet, ax: Axes, data: Data, row: int, lengths: tuple[float, str]) -> None:
     values = data["normal_stress"].values[row]
     size, unit = sheet.scale("traction", values, "Pa")
-    norm = Normalize(0, max(float(values.max()) / size, 1e-300))
+    norm = Normalize(0, max(float(values.max()) / size, 0.0) or 1.0)
     drawn = _surface.draw(ax, data, np.maximum(values / size, 0.0), norm, RATE_MAP, lengths)
     sheet.figure.colorbar(drawn, ax=ax, label=f"Pressure ({unit})", orientation="horizontal", location="top")
 
@@ -107,7 +107,9 @@ def _draw_states(ax: Axes, data: Data, states: Array, lengths: tuple[float, str]
         d, table = d[order], table[order]
     ax.pcolormesh(edges(s / size), edges(d / size), table, cmap=colours, norm=norm, rasterized=True)
     ax.set(xlim=(s.min() / size, s.max() / size), ylim=(d.max() / size, d.min() / size))
-    explain(ax, per_line=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=0.8, handlelength=1.0)
+    anchor = (0.5, 1.0)
+    shown = names_of(states)
+    explain(ax, shown, per_line=2, loc="lower center", bbox_to_anchor=anchor, columnspacing=0.8, handlelength=1.0)
 
 
 def _nearest(data: Data, states: Array) -> tuple[Array, Array, Array]:
@@ -131,7 +133,7 @@ def _draw_slip(
     slip = slip_of_contact(data, row)
     amount = np.linalg.norm(slip, axis=1)
     size, unit = sheet.scale("slip", amount, "m")
-    norm = Normalize(0, max(float(amount.max()) / size, 1e-300))
+    norm = Normalize(0, max(float(amount.max()) / size, 0.0) or 1.0)
     drawn = _surface.draw(ax, data, amount / size, norm, RATE_MAP, lengths)
     sheet.figure.colorbar(drawn, ax=ax, label=f"Slip ({unit})", orientation="horizontal", location="top")
     chosen_points = thinned(data, amount > 0.02 * amount.max(), box)

@@ -58,7 +58,8 @@ def forces(
         below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
         measure = "area" if has_surface(record) else "length"
         below.set(ylabel=f"Fraction of the {measure}", ylim=(0, 1))
-        explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        shown = [name for name in COLOURS if table[name].values.any()]
+        explain(below, shown, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     axes[-1].set(xlabel=f"Time ({t_unit})", xlim=(time[0] / t_size, time[-1] / t_size))
     sheet.letter(axes)
     sheet.remark(*remarks)

@@ -52,7 +52,7 @@ def ground_motion(sheet: Sheet, record: Files, *, field: str | Sequence[str] | N
             columns, rows = np.unique(first), np.unique(second)
             table = np.empty((len(rows), len(columns)))
             table[np.searchsorted(rows, second), np.searchsorted(columns, first)] = peak / size
-            drawn = ax.pcolormesh(columns, rows, table, norm=Normalize(0, max(table.max(), 1e-300)), cmap=RATE_MAP,
+            drawn = ax.pcolormesh(columns, rows, table, norm=Normalize(0, table.max() or 1.0), cmap=RATE_MAP,
                                   shading="gouraud", rasterized=True)  # fmt: skip
             sheet.figure.colorbar(drawn, ax=ax, label=label)
             _draw_interfaces(ax, record, data, [axis for axis, _ in sides], lengths)

@@ -9,7 +9,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.results.plots._record import chosen, nearest
 from ruptfx.results.plots._sheet import Sheet, Window, figure, pair
-from ruptfx.results.plots._states import COLOURS, explain, has_states
+from ruptfx.results.plots._states import COLOURS, explain, has_states, names_of
 from ruptfx.results.record import Files
 
 PANELS = ("tractions", "surfaces")
@@ -83,7 +83,7 @@ def surfaces(
             ax.plot(along, height, color="#888888", lw=0.5, zorder=1)
             ax.scatter(along, height, s=5, c=colours, ec="#555555", lw=0.2, zorder=2)
             ax.set_ylabel(f"y ({y_unit})")
-        explain(places["surfaces"][0], loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        explain(places["surfaces"][0], names_of(np.array(contact)), loc="lower center", bbox_to_anchor=(0.5, 1.0))
     for ax, row in zip(axes[:: len(wanted)], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.4g} {t_unit}", loc="right")
     axes[-1].set(xlabel=f"x, displaced ({x_unit})", xlim=(low / x_size, high / x_size))
