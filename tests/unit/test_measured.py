@@ -201,6 +201,16 @@ def test_the_command_reads_a_run(tmp_path: Path) -> None:
     assert imread(tmp_path / "both.png").std() > 0.02
     refused = ruptfx("compare", tmp_path / "run", tmp_path / "m.csv", "--most-shift", "5 mm")
     assert refused.exit_code == 1 and "--most-shift 5 mm" in refused.output
+    # Through a mapping: what is wrong with it is said with its own keys, and the remedy works.
+    for key, code in (("strain", 1), ("45 deg", 0)):
+        columns = {"time": {"variable": "t", "unit": "s"}, key: {"variable": "45 deg", "unit": "1", "sign": -1}}
+        entry = {"kind": "traces", "instrument": "G1", "map": columns}
+        (tmp_path / "map.toml").write_text(tomli_w.dumps({"objective": [entry]}))
+        mapped = ruptfx("compare", tmp_path / "run", tmp_path / "o.csv", "--map", tmp_path / "map.toml",
+                        "--time-shift", "3 s", "--out", tmp_path / f"{code}.png")  # fmt: skip
+        assert mapped.exit_code == code, mapped.output
+        said = " ".join(mapped.output.split())
+        assert ('map."0 deg"' in said and "map.strain" in said) == bool(code), said
 
 
 @pytest.mark.parametrize("end", [15 * 1e-6, 15 / 1e6, np.nextafter(15e-6, 1)])

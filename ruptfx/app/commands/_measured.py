@@ -27,14 +27,22 @@ def show(
     """Print misfits and time shifts of measured signals, and save a figure with both."""
     if mapping is not None:
         from ruptfx.input.data_files import as_csv, mapping_of
+        from ruptfx.results.analysis.measured import UnnamedError
 
         with TemporaryDirectory() as folder:
             columns = Path(folder) / f"{file.stem}.csv"
             try:
-                as_csv(file, mapping_of(mapping, instrument), columns)
+                names = mapping_of(mapping, instrument)
+                as_csv(file, names, columns)
+                show(run, columns, instrument, channel, most, shift, out)
+            except UnnamedError as error:
+                wrong = next(name for name in names if name != "time")
+                raise RuptfxError(
+                    f"{mapping}: map.{wrong}: no key of map is a channel of the instrument: "
+                    f'{", ".join(error.channels)}; rename it, as map."{error.channels[0]}" = {{ ... }}'
+                ) from None
             except ValueError as error:
                 raise RuptfxError(str(error)) from None
-            show(run, columns, instrument, channel, most, shift, out)
         return
     from ruptfx.app.convert.scec_files import channels
     from ruptfx.input.number_files import describe_reading

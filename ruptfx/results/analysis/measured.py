@@ -22,6 +22,20 @@ THINNED = 4000  # largest number of samples for the coarse grid
 _ANGLE = re.compile(r"at (-?[\d.e+-]+) degrees")
 
 
+class UnnamedError(RuptfxError):
+    """Error of a file in which no column has the name of a channel.
+
+    Attributes
+    ----------
+    channels : list of str
+        Names that are known.
+    """
+
+    def __init__(self, message: str, channels: list[str]) -> None:
+        super().__init__(message)
+        self.channels = channels
+
+
 @dataclass(frozen=True)
 class Misfit:
     """A measured signal m(t) against a computed one c(t), over the times of both.
@@ -142,9 +156,10 @@ def compare_with_file(
     if not columns:
         first = next(iter(wanted))
         example = f"{_header(first, labels.get(first, first))} ({units[first]})"
-        raise RuptfxError(
+        raise UnnamedError(
             f"{path}: no column is named like a channel of {name}: {', '.join(map(_header, labels, labels.values()))}; "
-            f"rename one in its header, such as 'time (us), {example}', or give --channel and a file of two columns"
+            f"rename one in its header, such as 'time (us), {example}', or give --channel and a file of two columns",
+            list(map(_header, labels, labels.values())),
         )
     computed_time, times = np.asarray(data["time"].values), times + time_shift
     pairs = {}
