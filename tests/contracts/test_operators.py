@@ -302,10 +302,11 @@ fused = pytest.mark.parametrize("kind", [
 
 
 @fused
-@pytest.mark.parametrize("scattered, decay", [(False, 1.0), (True, 0.9)], ids=["edge held", "any held, damped"])
+@pytest.mark.parametrize("scattered, decay, move", [(False, 1.0, 0.0), (True, 0.9, 0.0), (True, 1.0, 0.03)],
+                         ids=["edge held", "any held, damped", "moved before"])  # fmt: skip
 @pytest.mark.parametrize("setting", FUSED, ids=name)
 def test_fused_step_is_the_plain_step(
-    kind: str, setting: Setting, scattered: bool, decay: float, monkeypatch: pytest.MonkeyPatch
+    kind: str, setting: Setting, scattered: bool, decay: float, move: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Several blocks and tiles even on these meshes: nodes move on between blocks.
     monkeypatch.setattr("ruptfx.bodies.operators.matrix_free.BLOCK_NODES", 32)
@@ -320,18 +321,19 @@ def test_fused_step_is_the_plain_step(
     draw = draw.reshape(-1, components)[:, 0]
     inverse_mass = np.exp(draw)
     held = draw > 1 if scattered else bulk.space.tabulate_dof_coordinates()[:, 1] < 0.01
-    operator.prepare_step(held)
-    expected_force = internal_force(operator, displacement)
+    operator.prepare_step(held, moves=move > 0)
     still = np.repeat(held | shared_nodes(bulk), components)
+    moved = np.where(still, displacement, displacement + move * velocity)
+    expected_force = internal_force(operator, moved)
     expected_velocity = np.where(
         still, velocity, decay * velocity + dt * np.repeat(inverse_mass, components) * expected_force
     )
-    expected_displacement = np.where(still, displacement, displacement + dt * expected_velocity)
+    expected_displacement = np.where(still, moved, moved + dt * expected_velocity)
     expected_force[~still] = 0
     mean = 0.5 * (velocity + expected_velocity)
     expected_loss = np.sum(mean[~still] ** 2 / np.repeat(inverse_mass, components)[~still]) if decay < 1 else 0.0
     force = np.zeros_like(displacement)
-    loss = operator.step(displacement, velocity, force, inverse_mass, dt, decay)
+    loss = operator.step(displacement, velocity, force, inverse_mass, dt, decay, move=move)
     assert loss == pytest.approx(expected_loss, rel=1e-13)
     for found, expected in (
         (force, expected_force), (velocity, expected_velocity), (displacement, expected_displacement),

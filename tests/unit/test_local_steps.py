@@ -16,11 +16,13 @@ pytest.importorskip("dolfinx")
 
 
 from ruptfx import simulate
+from ruptfx.bodies import spectrum
 from ruptfx.bodies.meshes.two_plates import TwoPlates
 from ruptfx.bodies.operators import FusedOperator
 from ruptfx.case import Case
 from ruptfx.case.support import UnsupportedError
 from ruptfx.input.schema import CaseError, alternatives
+from ruptfx.interfaces.attachments import Attached
 from ruptfx.platform import fem, parallel
 from ruptfx.run import simulation
 from ruptfx.run.model import Model
@@ -60,7 +62,7 @@ def thin(stepper: dict[str, Any], changes: dict[str, Any] | None = None, ratio: 
     raw.points[:, 0] = np.interp(
         raw.points[:, 0], np.linspace(0, columns * size, columns + 1), np.concatenate([[0.0], np.cumsum(widths)])
     )
-    return case({"order": 3, "stepper": stepper, **(changes or {})}).model_copy(update={"mesh": Given(raw)})
+    return case({"order": 3, "stepper": {**stepper}, **(changes or {})}).model_copy(update={"mesh": Given(raw)})
 
 
 def small_steps(given: Case, local: Any) -> Case:
@@ -135,6 +137,58 @@ def test_slip_is_that_of_small_steps(contact: dict[str, Any], changes: dict[str,
     lost = 2 * energy["boundary_work"] - sum(energy.values())
     assert abs(lost) < busy.stepper.closure * energy["boundary_work"]
     assert energy["frictional_dissipation"] > 1e-3 * energy["boundary_work"] < 1e3 * energy["damping"]
+
+
+PARTS: dict[str, dict[str, Any]] = {
+    # Thin columns end at both tied edges; the others are tied far from them.
+    "tied ends of the columns": {"boundaries": [
+        {"kind": "periodic", "first": "lower.bottom", "second": "upper.top"}, EVERYTHING[2],
+    ]},
+    "tied sides": {"boundaries": [
+        *({"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"} for body in ("upper", "lower")),
+        EVERYTHING[1], EVERYTHING[3],
+    ]},
+    "prescribed slip": {"boundaries": EVERYTHING, "faults.main.prescribed_slip": [{
+        "kind": "gaussian", "slip": 1e-5, "width": 1e-6,
+        "where": {"kind": "boxcar", "inside": 1.0, "outside": 0.0, "center": 14e-3, "half_width": 2e-3},
+    }]},
+    "thermal pressurisation": {"boundaries": EVERYTHING, "faults.main.pore_pressure": [{
+        "kind": "thermal_pressurisation", "hydraulic_diffusivity": 4e-6, "pressure_per_temperature": 1e6,
+        "heat_capacity": 2.7e6, "thermal_diffusivity": 1e-6, "width": 5e-6,
+    }]},
+    "a well": {"boundaries": EVERYTHING, "faults.main.pore_pressure": [{
+        "kind": "diffusion", "permeability": 1e-10, "viscosity": 1e-3, "compressibility": 1e-8, "porosity": 0.1,
+        "thickness": 1.0, "wells": [{"center": 14e-3, "rate": 1.0}],
+    }]},
+}  # fmt: skip
+"""Parts of a case that act in every substep."""
+
+
+@pytest.mark.parametrize("part, contact", [
+    ("tied ends of the columns", SPLIT), ("tied sides", COMPLIANT), ("prescribed slip", SPLIT),
+    ("prescribed slip", COMPLIANT), ("thermal pressurisation", SPLIT), ("a well", COMPLIANT),
+], ids=lambda value: value if isinstance(value, str) else value["kind"])  # fmt: skip
+def test_parts_of_a_case_act_in_substeps(part: str, contact: dict[str, Any]) -> None:
+    """Slip, traction and pressure are those of small steps, and the part acts where elements are small."""
+    busy = thin(LOCAL, {**RUPTURE, "faults.main.contact": contact, **PARTS[part]})
+    model, motion, state = march(busy, 5e-6)
+    assert isinstance(motion, LocalMotion) and motion.clusters.substeps == 5 and motion.clusters.share < 0.2
+    _, equal, alone = march(small_steps(busy, motion), state.time)
+    assert isinstance(equal, LeapfrogMotion) and alone.time == pytest.approx(state.time, rel=1e-12)
+    here, there = state.faults["main"], alone.faults["main"]
+    for name in {"slip", "normal_stress", "pore_pressure", "temperature"} & {*here}:
+        np.testing.assert_allclose(here[name], there[name], atol=1e-3 * np.abs(there[name]).max(), err_msg=name)
+    among = np.abs(model.faults[0].interface.points[:, 0] - 14e-3) < 1e-3
+    assert here["slip"][among].max() > 0.05 * here["slip"].max()
+    if "pore_pressure" in here:
+        assert np.abs(here["pore_pressure"][among]).max() > 1e-3 * 6e6
+    if part.startswith("tied"):
+        first, second = (state.velocity.reshape(model.nodes, -1)[at] for at in (model.layout.kept, model.layout.copies))
+        assert np.array_equal(first, second) and np.abs(first).max() > 1e-2
+    assert np.linalg.norm(state.displacement - alone.displacement) < 1e-3 * np.linalg.norm(alone.displacement)
+    energy = motion.energies(state)
+    lost = 2 * energy["boundary_work"] - sum(energy.values())
+    assert abs(lost) < busy.stepper.closure * max(abs(each) for each in energy.values())
 
 
 @pytest.mark.parametrize("contact", [SPLIT, COMPLIANT], ids=["split", "compliant"])
@@ -221,13 +275,37 @@ def test_substeps_are_chosen() -> None:
 @pytest.mark.parametrize("changes, message", [
     ({"damping": {"mass": 1e4}}, "damping.mass = 10000: equal steps only; remove it, or use stepper.kind = 'leapfrog'"),
     ({"damping": {"kelvin_voigt": {"beta_2": 0.6}}, "operator": "ufl_form"},
-     "equal steps only; use kind = 'leapfrog'"),
+     "damping.kelvin_voigt: operator = 'ufl_form' damps in equal steps only; use operator = 'matrix_free', remove the "
+     "damping, or use stepper.kind = 'leapfrog'"),
     ({"stepper.time_step": 1e-6}, "stepper.substeps = 5: no elements are large enough for steps of 1e-06 s"),
 ])  # fmt: skip
 def test_refusals(changes: dict[str, Any], message: str) -> None:
     wrong = thin(LOCAL, changes)
     with pytest.raises(CaseError, match=facts(message)):
         wrong.stepper.bind(Model(wrong))
+
+
+def test_an_attachment_in_equal_steps_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Attached, "local_steps", False)
+    wrong = thin(LOCAL, {"attachments": ATTACHED[:1]})
+    with pytest.raises(CaseError, match=facts("attachments: name = 'base' acts in equal steps only; remove it")):
+        wrong.stepper.bind(Model(wrong))
+
+
+def test_clusters_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lanczos runs for all elements and for the larger ones, however often small ones are looked for."""
+    applied: list[int] = []
+    lanczos = spectrum._lanczos
+
+    def counted(model: Any, springs: Any) -> float:
+        applied.append(len(springs))
+        return lanczos(model, springs)
+
+    monkeypatch.setattr(spectrum, "_lanczos", counted)
+    given = thin(LOCAL, {**RUPTURE, "duration": 1e-7})
+    model = Model(given)
+    given.stepper.bind(model)
+    assert len(applied) == 2
 
 
 def test_what_the_case_refuses() -> None:

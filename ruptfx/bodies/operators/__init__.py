@@ -256,8 +256,10 @@ class FusedOperator(Operator, Protocol):
     def damps(self) -> bool:
         """True if its steps include the damping of all elements."""
 
-    def prepare_step(self, by_caller: np.ndarray, sweeps: Sequence[InsertedSweep] = ()) -> None:
-        """Set which nodes steps leave to the caller, shape (nodes,), and the sweeps of `Inelastic`.
+    def prepare_step(
+        self, by_caller: np.ndarray, sweeps: Sequence[InsertedSweep] = (), moves: bool = False
+    ) -> None:  # fmt: skip
+        """Set which nodes steps leave to the caller, shape (nodes,), the sweeps of `Inelastic`, and whether to `move`.
 
         Nodes shared with other ranks are always left to the caller.
         """
@@ -274,6 +276,7 @@ class FusedOperator(Operator, Protocol):
         damped: Damped | None = None,
         inelastic: Inelastic | None = None,
         part: StepPart = "all",
+        move: float = 0.0,
     ) -> float:
         """Make a step, as `MatrixFree.step`, or one of its two parts."""
 

@@ -49,6 +49,7 @@ struct plan {
     // Nodes no later element touches: first of WIDE in a row, [blocks + 1], and [blocks] how far those with a force of `inelastic` go.
     const int *row, *row_start, *row_split;
     const int *single, *single_start, *single_split;  // the others of these nodes
+    const int *move, *move_start;  // ranges of their degrees of freedom, and [blocks + 1] those that a block is the first to touch
 };
 
 // Elements with a stress that is not elastic, whose batches are computed before the elements of the block that touch the same nodes.
@@ -829,11 +830,19 @@ INLINE double advance_block(const int damped, const int kind, const int measured
     return sum;
 }
 
-// Elements of some blocks; after each block the nodes that no later element touches move on.  Null may be `energy`, `viscous`, the
+// Displacements of the nodes that a block is the first to touch and that steps advance, with the old velocity.
+static void move_first(const struct plan *plan, long block, double dt, const real *velocity, double *restrict displacement)
+{
+    for (long r = plan->move_start[block]; r < plan->move_start[block + 1]; r++)
+        for (long i = plan->move[2 * r]; i < plan->move[2 * r + 1]; i++) displacement[i] += dt * velocity[i];
+}
+
+// Elements of some blocks; after each block the nodes that no later element touches move on, and before it, by the time `move`, those
+// that no earlier one has touched.  Null may be `energy`, `viscous`, the
 // force of Kelvin-Voigt damping of all elements, and `inelastic`; not both of the latter are given.
 double step(const struct plan *plan, long first, long last, double *u, real *v, real *force,
             const real *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost,
-            const struct inelastic *inelastic)
+            const struct inelastic *inelastic, double move)
 {
 #define ADVANCED(damped, kind, part) \
     (energy ? advance_block(damped, kind, 1, part, &motion, plan, block, energy) \
@@ -848,6 +857,7 @@ double step(const struct plan *plan, long first, long last, double *u, real *v, 
     const unsigned rounding = __builtin_ia32_stmxcsr();
     __builtin_ia32_ldmxcsr(rounding | FLUSH_TO_ZERO);
     for (long block = first; block < last; block++) {
+        if (move) move_first(plan, block, move, v, u);
 #if VISCID
         if (viscous) {
             add_damped_force(plan, plan->block[block], plan->block[block + 1], eta, u, v, force, viscous);

@@ -35,6 +35,7 @@ class _Plan(ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in (
         "dof", "kind", "start", "number", "line", "block",
         "row", "row_start", "row_split", "single", "single_start", "single_split",
+        "move", "move_start",
     )]  # fmt: skip
 
 
@@ -158,7 +159,9 @@ class MatrixFree:
 
     # -- the fused step --------------------------------------------------------------------------------------------
 
-    def prepare_step(self, by_caller: np.ndarray, sweeps: Sequence[InsertedSweep] = ()) -> None:
+    def prepare_step(
+        self, by_caller: np.ndarray, sweeps: Sequence[InsertedSweep] = (), moves: bool = False
+    ) -> None:  # fmt: skip
         """Set which nodes `step` leaves to the caller; nodes shared with other ranks always.
 
         Parameters
@@ -167,6 +170,8 @@ class MatrixFree:
             True at nodes left to the caller.
         sweeps : sequence of InsertedSweep, optional
             Those of the argument `inelastic` of steps.
+        moves : bool
+            Whether steps have the argument `move`.
         """
         node = self._keep["dof"].reshape(self._batches, self._cell_nodes, -1) // self._components
         size = numbering.batches_of_block(self._block_nodes, *node.shape[1:])
@@ -194,7 +199,22 @@ class MatrixFree:
             self._hold(f"{name}_start", starts[::2].astype(np.int32))
             self._hold(f"{name}_split", starts[1::2].astype(np.int32))
         self._hold("block", first.astype(np.int32))
+        if moves:
+            self._hold_moves(node, first, done_in >= 0)
         self._ends = [self._end_in_blocks(first, sweep.batches) for sweep in sweeps]
+
+    def _hold_moves(self, node: np.ndarray, first: np.ndarray, advanced: np.ndarray) -> None:
+        """Store for every block the ranges of advanced nodes that it is the first to touch."""
+        begun_in = np.full(self._nodes, self._blocks, dtype=np.int32)
+        for block in reversed(range(self._blocks)):
+            begun_in[node[first[block] : first[block + 1]].ravel()] = block
+        begun_in[~advanced] = self._blocks
+        begin = np.flatnonzero(np.diff(begun_in, prepend=-1))
+        ranges = np.column_stack([begin, np.append(begin[1:], self._nodes)]) * self._components
+        order = np.argsort(begun_in[begin], kind="stable")
+        starts = np.searchsorted(begun_in[begin][order], np.arange(self._blocks + 1))
+        self._hold("move", np.ascontiguousarray(ranges[order[: starts[-1]]], dtype=np.int32))
+        self._hold("move_start", starts.astype(np.int32))
 
     def __copy__(self) -> MatrixFree:
         """Return an operator with the same elements, for which other steps can be prepared."""
@@ -229,6 +249,7 @@ class MatrixFree:
         damped: Damped | None = None,
         inelastic: Inelastic | None = None,
         part: StepPart = "all",
+        move: float = 0.0,
     ) -> float:
         """Add the internal force of all elements and make one leapfrog step of every node not left to the caller.
 
@@ -255,6 +276,8 @@ class MatrixFree:
         part : {"all", "boundary", "interior"}
             Elements at nodes shared with other ranks come first: after "boundary" `force` is ready to send, and
             "interior" does not access the force of these nodes.
+        move : float
+            Time for which the updated nodes move on with their old velocity before the elements act [s].
 
         Returns
         -------
@@ -275,7 +298,7 @@ class MatrixFree:
             ctypes.c_double(0.0 if damped is None else damped.eta),
             *([ctypes.c_void_p(None)] * 2 if damped is None else
               [*self._pointers(damped.force), address(damped.lost)]),
-            None if inelastic is None else ctypes.byref(self._inserted(inelastic)),
+            None if inelastic is None else ctypes.byref(self._inserted(inelastic)), ctypes.c_double(move),
         )  # fmt: skip
 
     def _inserted(self, inelastic: Inelastic) -> _Inelastic:

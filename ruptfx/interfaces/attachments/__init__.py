@@ -171,6 +171,10 @@ class Attached(Mechanism, ImplicitForce):
         result[self.at] = True
         return result
 
+    def obstacle_to_substeps(self) -> str:
+        remedy = "acts in equal steps only; remove it, or use stepper.kind = 'leapfrog'"
+        return "" if self.local_steps else f"attachments: name = '{self.name}' {remedy}"
+
     def dashpot(self) -> Floats:
         """Return its damping force per velocity [N s/m], shape (nodes * components,); zero without dashpots.
 

@@ -211,6 +211,11 @@ class ExplicitPhases(Acting):
         """Return a mask of the nodes whose elements must act in every substep of local time steps, shape (nodes,)."""
         return self.nodes()
 
+    def obstacle_to_substeps(self) -> str:
+        """Return key, value and remedy of a message where it acts in equal steps only; empty with `local_steps`."""
+        equal = "a part of this case acts in equal steps only; use stepper.kind = 'leapfrog'"
+        return "" if self.local_steps else f"stepper.kind = 'local_leapfrog': {equal}"
+
     def bind(self, stepped: SteppedNodes) -> None:
         """Prepare arrays for steps of one size."""
 

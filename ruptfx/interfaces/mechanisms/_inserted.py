@@ -25,13 +25,14 @@ class InsertedForce(Mechanism):
 
     def __init__(self, model: System) -> None:
         super().__init__(model)
-        self._force: Floats = np.zeros(len(model.mass))
+        self._force: Floats = np.zeros(0)
 
     def bind(self, stepped: SteppedNodes) -> None:
         model = self.model
-        self._stepped = stepped
+        self._stepped, self._force = stepped, np.zeros(len(model.mass))
         self._dofs = stepped.dofs
         if self.inelastic is not None:
+            self.inelastic.force = self._force
             nodes = nodes_of_sweeps(model.space, self.inelastic.sweeps)
             self._dofs = stepped.dofs[nodes[stepped.dofs // model.components]]
         self._index = stepped.index if len(self._dofs) == len(stepped.dofs) else self._dofs

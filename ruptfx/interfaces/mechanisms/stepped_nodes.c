@@ -56,14 +56,6 @@ void drift(long n, const long *which, const long *dof, long specials, const long
     else drift_each(n, 0, 0, dt, velocity, displacement, force);
 }
 
-// Displacements between kicks at ranges of degrees of freedom that elements of a longer step complete.
-void move(long ranges, const long *range, double dt, const real *velocity, double *restrict displacement)
-{
-    for (long k = 0; k < ranges; k++)
-        for (long d = range[2 * k]; d < range[2 * k + 1]; d++)
-            displacement[d] += dt * velocity[d];
-}
-
 // Damping forces of elements at the degrees of freedom `dof`.
 void clear(long n, const long *dof, double *damping)
 {

@@ -166,13 +166,6 @@ class SteppedNodes:
         )  # fmt: skip
         return float(self._work[0]), float(self._work[1])
 
-    def move(self, state: State, ranges: Integers, dt: float) -> None:
-        """Move displacements on at ranges of degrees of freedom, rows of begin and end, with their velocities."""
-        self._library.move(
-            ctypes.c_long(len(ranges)), address(ranges), ctypes.c_double(dt), address(state.velocity, self._real),
-            address(state.displacement),
-        )  # fmt: skip
-
     def clear(self, dofs: Integers, damping: Floats) -> None:
         """Set damping forces at some degrees of freedom to zero; both arrays of this call are over all nodes."""
         self._library.clear(ctypes.c_long(len(dofs)), address(dofs), address(damping))

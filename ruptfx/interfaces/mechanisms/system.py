@@ -118,6 +118,10 @@ class CaseTables(Protocol):
         """Order of the elements."""
 
     @property
+    def operator(self) -> str:
+        """Kind of the bulk operator."""
+
+    @property
     def mesh(self) -> MeshSource:
         """Table of the mesh."""
 

@@ -27,7 +27,7 @@ class KelvinVoigt(Mechanism):
     def __init__(self, model: System) -> None:
         super().__init__(model)
         assert model.viscosity is not None
-        self._viscosity, self._force = model.viscosity, np.zeros(len(model.mass))
+        self._viscosity, self._force = model.viscosity, np.zeros(0)
         self._before = np.zeros(0)  # velocity before the kick in cracked bodies, not all of whose nodes are kicked
         operator = model.operator
         if self._viscosity.everywhere and isinstance(operator, FusedOperator) and operator.damps:
@@ -40,8 +40,17 @@ class KelvinVoigt(Mechanism):
     def nodes(self) -> NDArray[np.bool_]:
         return super().nodes() if self.damped is not None else self._viscosity.nodes
 
+    def obstacle_to_substeps(self) -> str:
+        operator = self.model.case.operator
+        return (
+            f"damping.kelvin_voigt: operator = '{operator}' damps in equal steps only; use operator = 'matrix_free', "
+            "remove the damping, or use stepper.kind = 'leapfrog'"
+        )
+
     def bind(self, stepped: SteppedNodes) -> None:
-        self._stepped = stepped
+        self._stepped, self._force = stepped, np.zeros(len(self.model.mass))
+        if self.damped is not None:
+            self.damped.force = self._force
         viscous = np.flatnonzero(np.repeat(self._viscosity.nodes, self.model.components))
         self._dofs: NDArray[np.int64] = stepped.dofs if self.damped is not None else viscous
         every = len(self._dofs) == len(self._force)

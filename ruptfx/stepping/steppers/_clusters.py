@@ -161,13 +161,16 @@ def stable(model: System, mechanisms: Sequence[Mechanism], wanted: int | None, s
         Length of a substep over the part of the stable step that may be used.
     """
     times, smooth = travel_times(model), smooth_elements(model, mechanisms)
+    longest: dict[float, float] = {}  # by share: small elements are those below a time, so that it tells them
     chosen = best(model, times, smooth) if wanted is None else divide(model, times, smooth, wanted)
     while chosen.substeps > 1:
         margin = 1.0
         for _ in range(TRIALS):
             if chosen.share == 1.0:
                 break
-            over = chosen.substeps * step / longest_step(model, chosen.small)
+            if chosen.share not in longest:
+                longest[chosen.share] = longest_step(model, chosen.small)
+            over = chosen.substeps * step / longest[chosen.share]
             if over <= 1:
                 return chosen
             margin *= max(1.02, over)
@@ -201,7 +204,9 @@ class IdleSteps(Idle):
 
     damps = False
 
-    def prepare_step(self, by_caller: np.ndarray, sweeps: Sequence[operators.InsertedSweep] = ()) -> None:
+    def prepare_step(
+        self, by_caller: np.ndarray, sweeps: Sequence[operators.InsertedSweep] = (), moves: bool = False
+    ) -> None:  # fmt: skip
         """Update no nodes."""
 
     def step(self, *arguments: object, **options: object) -> float:

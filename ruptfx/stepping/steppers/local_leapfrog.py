@@ -19,8 +19,6 @@ from ruptfx.stepping.steppers import Stepper, _clusters
 from ruptfx.stepping.steppers.leapfrog import LeapfrogMotion, what_limits
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ruptfx.bodies.state import State
     from ruptfx.interfaces.mechanisms.stepped_nodes import Kick
     from ruptfx.interfaces.mechanisms.system import System
@@ -73,10 +71,6 @@ class LocalLeapfrog(Stepper):
                 f"substeps = {value}: must be odd, so that all velocities are of one time; use {value + 1}"
             )
         return value
-
-    def fixed(self, model: System) -> LocalLeapfrog:
-        clusters, step = self._chosen(model)
-        return self.model_copy(update={"substeps": clusters.substeps, "time_step": clusters.substeps * step})
 
     def bind(self, model: System) -> Motion:
         clusters, step = self._chosen(model)
@@ -133,10 +127,7 @@ def _obstacle(model: System) -> str:
             f"damping.mass = {model.case.damping.mass:g}: damps all nodes in equal steps only; remove it, or use "
             "stepper.kind = 'leapfrog'"
         )
-    names = [type(each).__name__ for each in mechanisms_of(model) if not each.local_steps]
-    if not names:
-        return ""
-    return f"stepper.kind = 'local_leapfrog': {names[0]} of this case acts in equal steps only; use kind = 'leapfrog'"
+    return next(filter(None, (each.obstacle_to_substeps() for each in mechanisms_of(model))), "")
 
 
 class LocalMotion(LeapfrogMotion):
@@ -164,23 +155,17 @@ class LocalMotion(LeapfrogMotion):
         super().__init__(view, step, of_fine & of_coarse)
         self.dt = clusters.substeps * step
         self._larger = _clusters.part_of(model, ~clusters.fine)
-        moved = of_coarse.repeat(model.components)
-        moved[self.nodes.dofs] = False
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], moved, [False]]).astype(np.int8)))
-        self._ranges: NDArray[np.int64] = edges.reshape(-1, 2).astype(np.int64)
-        # The kernel drifts until the end of the step, and kicks for the whole step.
+        # The kernel moves its nodes up to the middle substep, kicks for the whole step, and drifts until its end.
         self._drift = (self._middle + 1) * step
         self._push = (self.dt / self._drift / model.mass.reshape(model.nodes, -1)[:, 0]).astype(model.real, copy=False)
         if isinstance(self._larger, FusedOperator):
-            left = np.ones(model.nodes, dtype=bool)
-            left[moved.reshape(model.nodes, -1)[:, 0]] = False
-            self._larger.prepare_step(left)
+            of_coarse[self.nodes.dofs // model.components] = False
+            self._larger.prepare_step(~of_coarse, moves=True)
         self._substep = 0
 
     def step(self, state: State) -> None:
         """Advance by one step of all elements; `state.time` becomes the time of the new displacement."""
         watched, state.wants_energies = state.wants_energies, False
-        self.nodes.move(state, self._ranges, self._middle * self._kick_dt)
         try:
             for number in range(self.clusters.substeps):
                 self._substep = number
@@ -198,7 +183,8 @@ class LocalMotion(LeapfrogMotion):
     def _kick_larger(self, state: State) -> None:
         """Let the larger elements act for the whole step: on their own nodes, and as forces on stepped ones."""
         if isinstance(self._larger, FusedOperator):
-            self._larger.step(state.displacement, state.velocity, state.force, self._push, self._drift)
+            how = state.displacement, state.velocity, state.force, self._push, self._drift
+            self._larger.step(*how, move=self._middle * self._kick_dt)
         else:
             self._larger.add_internal_force(state.displacement, state.force)
         state.force[self.nodes.index] *= self.clusters.substeps
