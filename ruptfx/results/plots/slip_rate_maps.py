@@ -109,7 +109,7 @@ def slip_rate_maps(
 
 def _after(saved: Array, wanted: Array) -> Array:
     """Return the index of the first saved time after each wanted time: points that have just ruptured slip then."""
-    return np.minimum(np.searchsorted(saved, wanted, side="right"), len(saved) - 1)
+    return np.asarray(np.minimum(np.searchsorted(saved, wanted, side="right"), len(saved) - 1))
 
 
 def _is_slow(saved: Array) -> bool:
