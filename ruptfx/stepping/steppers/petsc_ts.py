@@ -18,6 +18,8 @@ from ruptfx.platform import fem, parallel
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.equilibrium import Equilibrium
 from ruptfx.stepping.implicit.options import PetscOptions
+from ruptfx.stepping.implicit.preconditioners import BELOW
+from ruptfx.stepping.implicit.preconditioners.lu import KeptFactors
 from ruptfx.stepping.implicit.solvers import MORE_FILL, TOLERANCE, CaseOptions
 from ruptfx.stepping.implicit.step import FAR
 from ruptfx.stepping.steppers import Stepper
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger("ruptfx.run")
 SAME = 1e-9  # of a step: rounding of times
+MOST_FAILURES = 30  # linear solutions of a step with factors that are too old
 
 
 class PetscTs(Stepper):
@@ -90,6 +93,7 @@ class PetscTsMotion:
         self._driven = model.loads.prescribed
         self._state: State
         self._error: ProjectionError | None = None
+        self._last: tuple[float, np.ndarray, Solution] | None = None  # the solution at a time and a displacement
         self._scale = 0.0  # of the last forces [N]
         self._ready = False
         # The residual grows in the first Newton step where sliding begins, and a line search would not allow that.
@@ -119,7 +123,10 @@ class PetscTsMotion:
         self._unit = self._mean_mass()  # times this mass, rows a = a_D of driven edges are as large as the others
         self._u, self._v = matrix.createVecRight(), matrix.createVecRight()
         self._ts.setI2Function(fem.callback(self._residual), matrix.createVecLeft())
-        self._ts.setI2Jacobian(fem.callback(self._jacobian), matrix, matrix)
+        by_case = any(name.startswith(("ksp_", "pc_")) for name in self._options.given)
+        self._kept = None if by_case or self._equilibrium.preconditioner.iterative else KeptFactors(matrix)
+        factored = matrix if self._kept is None else self._kept.factored
+        self._ts.setI2Jacobian(fem.callback(self._jacobian), matrix, factored)
         self._ts.setSolution2(self._u, self._v)
         # Without an adaptor TS would go on with a quarter of the step for ever.
         self._ts.setMaxSNESFailures(-1 if self._adapts else 1)
@@ -127,6 +134,9 @@ class PetscTsMotion:
         snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=1e-14, max_it=30)
         snes.setConvergenceTest(fem.callback(self._converged))
         self._equilibrium.preconditioner.set_up(snes.getKSP(), self.model, self._equilibrium.tangent)
+        if self._kept is not None:
+            self._kept.set_up(snes.getKSP())
+            snes.setMaxLinearSolveFailures(MOST_FAILURES)  # the next iteration makes new factors
 
     def _mean_mass(self) -> float:
         total = parallel.total(self.model.comm, self.model.mass[: self._owned].sum())
@@ -159,15 +169,20 @@ class PetscTsMotion:
     def _answer(self, time: float, u: np.ndarray) -> Solution | None:
         """Return the solution of faults and bodies at a stage, None where a law fails; collective.
 
-        The error of the law is stored.
+        The error of the law is stored. The Jacobian is asked for where the residual was.
         """
-        try:
-            solution = self._equilibrium.answer(self._state, time - self._state.time, u)
-            self._scale = solution.scale
-            return solution
-        except ProjectionError as error:
-            self._error = error
-            return None
+        last = self._last
+        is_new = last is None or last[0] != time or not np.array_equal(last[1], u)
+        if parallel.anywhere(self.model.comm, is_new):
+            try:
+                self._last = time, u.copy(), self._equilibrium.answer(self._state, time - self._state.time, u)
+            except ProjectionError as error:
+                self._error, self._last = error, None
+                return None
+        assert self._last is not None
+        solution = self._last[2]
+        self._scale = solution.scale
+        return solution
 
     def _balance(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return internal and damping forces less the load [N]; not a number where a law fails."""
@@ -203,7 +218,10 @@ class PetscTsMotion:
             c_M, c_C, solution.tangents, driven=c_M * self._unit, reactions=reactions
         )
         ksp = self._ts.getSNES().getKSP()
-        self._equilibrium.preconditioner.follow(ksp, symmetric, self._options.given, TOLERANCE * self._scale)
+        enough = TOLERANCE * self._scale
+        self._equilibrium.preconditioner.follow(ksp, symmetric, self._options.given, enough)
+        if self._kept is not None:
+            self._kept.follow(ksp, BELOW * enough)
 
     def _converged(self, snes: fem.PETSc.SNES, _: int, norms: tuple[float, float, float]) -> int | None:
         """Test the residual against the forces, which balance before anything moves, and the update."""
@@ -239,7 +257,7 @@ class PetscTsMotion:
         ConvergenceError
             On all ranks: TS failed; the state is that of the last accepted step.
         """
-        self._state, ts = state, self._ts
+        self._state, self._last, ts = state, None, self._ts
         equilibrium = self._equilibrium
         carried = equilibrium.forces.carried(state)
         self._put(state)

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 # Number of unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
 DIRECT = {2: 400_000, 3: 60_000}
+MOST = 10  # GMRES iterations with the factors of an earlier matrix, beyond which new ones are made
+INEXACT = 1e-6  # relative residual of linear systems: Newton's iteration takes hardly more steps than with factors
 
 
 def has_mumps() -> bool:
@@ -46,3 +48,45 @@ class Lu(Preconditioner):
     def set_up(cls, ksp: fem.PETSc.KSP, model: System, tangent: Tangent) -> None:
         ksp.setType("preonly")
         factorise(ksp.getPC())
+
+
+class KeptFactors:
+    """Factors of an earlier matrix as the preconditioner of GMRES, for steps in which few points slide.
+
+    Sliding changes the matrix in every iteration of Newton's method, at the interfaces only. Products are those of the
+    present matrix, so that the residual of a step does not depend on the age of the factors.
+
+    Parameters
+    ----------
+    matrix : PETSc.Mat
+        The assembled matrix of the steps.
+
+    Attributes
+    ----------
+    factored : PETSc.Mat
+        The matrix of the preconditioner.
+    made : int
+        Number of factorisations.
+    """
+
+    def __init__(self, matrix: fem.PETSc.Mat) -> None:
+        self._matrix, self.factored, self.made = matrix, matrix.duplicate(), 0
+
+    @staticmethod
+    def set_up(ksp: fem.PETSc.KSP) -> None:
+        """Set the defaults of a linear solver whose preconditioner is a factorisation."""
+        ksp.setType("fgmres")  # a solution by the factors less than GMRES, and the residual is that of the system
+        ksp.setTolerances(rtol=INEXACT, max_it=2 * MOST)
+
+    def follow(self, ksp: fem.PETSc.KSP, enough: float) -> None:
+        """Make new factors where those of the last solution took too many iterations; collective.
+
+        Parameters
+        ----------
+        enough : float
+            Residual [N] below which a solution need not go on.
+        """
+        if not self.made or ksp.getIterationNumber() > MOST:
+            self._matrix.copy(self.factored, fem.PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            self.made += 1
+        ksp.setTolerances(atol=enough)
