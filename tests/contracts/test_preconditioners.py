@@ -11,6 +11,7 @@ from helpers.small_cases import plates, smooth_field, strike_slip
 
 pytest.importorskip("dolfinx")
 
+from ruptfx import RuptfxError
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
 from ruptfx.platform import fem, parallel
@@ -162,3 +163,21 @@ def test_levels_need_orders() -> None:
     model = Model(parse_case(plates(PLATES | {"order": 1})))
     with pytest.raises(CaseError, match=facts(r"stepper\.petsc_options\.pc_type = 'mg': .* 2 .* 'gamg'")):
         Equilibrium(model, {"pc_type": "mg"})
+
+
+def test_levels_beyond_the_memory_are_refused_before_one_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(lu.DIRECT, 3, 0)
+    model, multigrid = Model(parse_case(CASES["solid"])), preconditioners.kinds()["mg"]
+    need = sum(level.bytes for level in multigrid.sizes(model))
+
+    def make(*_: object) -> None:
+        raise RuptfxError("made")
+
+    monkeypatch.setattr(multigrid, "make_tangent", make)
+    monkeypatch.setattr(preconditioners, "available", lambda: 0.99 * need)
+    unknowns, bytes_ = 3 * model.total_nodes, f"{need / 1e9:.3g} GB.*{0.99 * need / 1e9:.3g} GB"
+    with pytest.raises(RuptfxError, match=facts(rf"mesh: {unknowns}.*{bytes_}.*mesh\.element_size")):
+        Equilibrium(model)
+    monkeypatch.setattr(preconditioners, "available", lambda: 1.01 * need)
+    with pytest.raises(RuptfxError, match="made"):
+        Equilibrium(model)

@@ -87,6 +87,8 @@ class Equilibrium(Terms):
     ------
     CaseError
         A contact method for explicit steps only.
+    RuptfxError
+        Levels of multigrid that do not fit into the memory.
     """
 
     def __init__(
@@ -102,6 +104,7 @@ class Equilibrium(Terms):
         self.driven = model.loads.prescribed
         self.forces = Forces(model)
         self.preconditioner = preconditioners.choose(model, petsc_options or {})
+        preconditioners.need_memory(model, self.preconditioner)
         self.tangent = self.preconditioner.make_tangent(model, self.forces.dashpot)
         self.mechanisms = responding(model.mechanisms)
         self._followers = [StepFollower(model, fault) for fault in model.faults if fault.slides]

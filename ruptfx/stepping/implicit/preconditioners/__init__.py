@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ruptfx import RuptfxError
 from ruptfx.input.schema import CaseError
-from ruptfx.platform import fem
+from ruptfx.platform import fem, parallel
+from ruptfx.platform.memory import available
 from ruptfx.stepping.implicit.options import PetscOptions
 from ruptfx.stepping.implicit.tangent import Tangent
 
@@ -133,3 +135,23 @@ def choose(model: System, options: PetscOptions) -> type[Preconditioner]:
     if reason:
         raise CaseError(f"stepper.petsc_options.pc_type = '{name}': {reason}; remove it, or use 'gamg'")
     return chosen
+
+
+def need_memory(model: System, kind: type[Preconditioner]) -> None:
+    """Refuse levels of multigrid that do not fit into the memory, before one is made; collective.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks; the message gives the memory and the remedy.
+    """
+    levels, free, error = kind.sizes(model), available(), None
+    need = sum(level.bytes for level in levels) * parallel.ranks_here(model.comm) / model.comm.size
+    if free is not None and need > free:
+        part = {2: "a quarter", 3: "an eighth"}[model.mesh.geometry.dim]
+        error = RuptfxError(
+            f"mesh: {levels[0].unknowns} unknowns of implicit steps take {need / 1e9:.3g} GB in the levels of "
+            f"multigrid, and {free / 1e9:.3g} GB are free here; twice the mesh.element_size takes {part} of it. Else "
+            "let elements grow away from the interface (mesh.growth), or spread the ranks over several machines"
+        )
+    parallel.raise_on_all(model.comm, error)
