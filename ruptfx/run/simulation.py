@@ -29,6 +29,7 @@ from ruptfx.run.cost import need_memory
 from ruptfx.run.model import Model
 from ruptfx.run.recording import run_directory
 from ruptfx.run.recording.checkpoint import Checkpoint, Checkpoints
+from ruptfx.run.recording.early_log import EarlyLog
 from ruptfx.run.recording.recorder import Recorder, versions
 from ruptfx.stepping.steppers import Motion
 from ruptfx.stepping.stopping import StopRules
@@ -130,13 +131,15 @@ def simulate(
         if not (resume or overwrite):
             run_directory.prepare(comm, out)
         began = time.perf_counter()
-        with phase("model"), working("building the model", progress and comm.rank == 0):
+        early = EarlyLog(comm.rank == 0)
+        with phase("model"), working("building the model", progress and comm.rank == 0), early:
             need_memory(case, comm)
             model = Model(case, comm)
             motion = stages.bind(model)
+        early.show(progress)
         if checkpoint is None and (resume or overwrite):  # remove older files only after the model was built
             place = run_directory.prepare(comm, out, again=case, overwrite=overwrite)
-        _run(model, motion, place, progress, checkpoint, began)
+        _run(model, motion, place, progress, checkpoint, began, early)
         run_directory.replace(comm, out)
         if comm.rank == 0:
             complete()
@@ -146,7 +149,10 @@ def simulate(
     return Record(out, trust=True)
 
 
-def _run(model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float) -> None:
+def _run(
+    model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float,
+    early: EarlyLog,
+) -> None:  # fmt: skip
     """Run the time loop in a directory that is ready."""
     case, comm = model.case, model.comm
     with phase("model"):
@@ -161,6 +167,7 @@ def _run(model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Ch
         Progress(progress and comm.rank == 0) as bar,
     ):
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
+        early.write_to(recorder.log)
         if comm.rank == 0:
             figure_process.announce(out)
         stopping = StopRules(model, case.stop_when)

@@ -22,7 +22,7 @@ from ruptfx.case import parse_case
 from ruptfx.platform import fem
 from ruptfx.run import stages
 from ruptfx.run.model import Model
-from ruptfx.stepping.implicit import preconditioners
+from ruptfx.stepping.implicit import preconditioners, stored
 from ruptfx.stepping.implicit.compliance import Decomposed, Factors, Jumps, norm
 from ruptfx.stepping.implicit.iterated import Iterated
 from ruptfx.stepping.implicit.preconditioners import lu
@@ -75,6 +75,13 @@ bodies.solve(jumps.force(np.full((jumps.points, 3), 1e6), len(model.mass)))
 print(said, resident() - before)
 """
 """Prints the memory of multigrid as `check` says it, and that of the process for it [bytes]."""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of stored matrices, so that none of an earlier test is read."""
+    monkeypatch.setattr(stored, "cache_directory", lambda: tmp_path)
+    return tmp_path / "stiffness"
 
 
 def march(name: str) -> dict[str, np.ndarray]:
@@ -217,3 +224,44 @@ def test_check_says_the_time_before_it_is_spent(name: str, components: int, monk
 
 def _refuse() -> None:
     raise NotImplementedError
+
+
+def test_a_computation_that_ended_early_goes_on(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:  # fmt: skip
+    """Solutions of finished points are read, also for other contact; other bodies have their own. The log says so.
+
+    3 components of every point; every point is solved for once.
+    """
+    monkeypatch.setitem(lu.DIRECT, 3, 0)
+    caplog.set_level("INFO", "ruptfx.run")
+    solve, solved, most = Iterated.solve, [0], [0]
+
+    def count(self: Iterated, right: np.ndarray) -> np.ndarray:
+        solved[0] += 1
+        if solved[0] == most[0]:
+            raise RuntimeError("killed")
+        return solve(self, right)
+
+    def bind(end: int = 0, **changes: Any) -> tuple[np.ndarray, int, str]:
+        """Return K, the number of solutions, and the last line of the log."""
+        case = parse_case(strike_slip(FAULT | changes))
+        solved[0], most[0] = 0, end
+        motion = case.stepper.bind(Model(case, fem.MPI.COMM_SELF))
+        return motion._bodies._by_slip, solved[0], caplog.messages[-1]
+
+    monkeypatch.setattr(Iterated, "solve", count)
+    with pytest.raises(RuntimeError, match="killed"):
+        bind(3 * 7 + 2)
+    assert len(list(folder.iterdir())) == 7
+    whole, counted, line = bind()
+    points = len(whole) // 3
+    assert len(list(folder.iterdir())) == points
+    assert f"7 read from {folder}" in line and f"{points - 7} computed" in line
+    again, loads, line = bind()
+    assert counted == loads + 3 * (points - 7) and f"all {points} read from {folder}" in line
+    np.testing.assert_array_equal(again, whole)
+    other, counted, line = bind(**{"faults.main.contact": {"kind": "compliant", "C_n": 2e14, "C_s": 2e14}})
+    assert counted == loads and f"all {points} read" in line and not np.array_equal(other, whole)
+    other, counted, line = bind(**{"materials.default.young_modulus": 5.4e9})
+    assert counted == loads + 3 * points and f"all {points} computed" in line and not np.array_equal(other, whole)

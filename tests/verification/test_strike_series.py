@@ -38,7 +38,7 @@ from ruptfx.results.record import Record
 from ruptfx.run.model import Model
 from ruptfx.run.recording.recorder import Recorder
 from ruptfx.run.simulation import simulate
-from ruptfx.stepping.implicit import ConvergenceError, series_bodies, strike_series
+from ruptfx.stepping.implicit import ConvergenceError, series_bodies, stored, strike_series
 from ruptfx.stepping.implicit.strike_series import StrikeSeries
 from ruptfx.stepping.steppers.quasi_dynamic import QuasiDynamicMotion, SeriesMotion
 
@@ -102,6 +102,32 @@ def test_matrices_are_read_again_unless_damaged_or_of_other_bodies(tmp_path: Pat
     assert mended.stored == 4
     np.testing.assert_array_equal(mended.traction(slip), first.traction(slip))
     assert series(half_space(1 / 2, 2), tmp_path, 8, 2e-9 / G).stored == 0
+
+
+def test_run_and_log_say_which_matrices_were_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """9 wavenumbers; the first run ends in the fifth, the second one goes on with it, the third computes none."""
+    monkeypatch.setattr(stored, "cache_directory", lambda: tmp_path)
+    compute, computed = StrikeSeries._computed, [0]
+
+    def count(self: StrikeSeries, k: float) -> np.ndarray:
+        computed[0] += 1
+        if computed[0] == 5:
+            raise RuptfxError("killed")
+        return compute(self, k)
+
+    monkeypatch.setattr(StrikeSeries, "_computed", count)
+    case, alone = faulted({"duration": 10.0}), fem.MPI.COMM_SELF
+    with pytest.raises(RuptfxError, match="killed"):
+        simulate(case, tmp_path / "killed", comm=alone)
+    for name, facts_of_run in (("second", ("4 read", "5 computed")), ("third", ("all 9 read", "none computed"))):
+        capfd.readouterr()
+        simulate(case, tmp_path / name, comm=alone)
+        said = next(line for line in (tmp_path / name / "run.log").read_text().splitlines() if "wavenumbers" in line)
+        assert all(fact in said for fact in (*facts_of_run, str(tmp_path / "stiffness")))
+        assert said.split("INFO ")[1] in capfd.readouterr().err
+    assert computed[0] == 10
 
 
 def test_reciprocity_between_unlike_bodies(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol
@@ -14,12 +15,14 @@ from ruptfx.platform import fem, parallel
 from ruptfx.stepping.implicit import preconditioners
 from ruptfx.stepping.implicit.iterated import Iterated
 from ruptfx.stepping.implicit.preconditioners.lu import has_mumps
+from ruptfx.stepping.implicit.stored import StoredParts, checksum_of
 from ruptfx.stepping.implicit.tangent import Tangent
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
     from ruptfx.stepping.implicit.preconditioners import Preconditioner
 
+LOG = logging.getLogger("ruptfx.run")
 COLUMNS = 64  # right-hand sides in one solution: fast, with little memory
 Finish = Callable[[np.ndarray], np.ndarray]
 # A column counts as zero below this part of its largest entry; the full residual decides in the end.
@@ -174,6 +177,7 @@ class Factors:
             fill()
             self.inverse = Decomposed(tangent.matrix)
         self._strip: tuple[Decomposed, np.ndarray] | None = None
+        self._stored: StoredParts | None = None
 
     def solve(self, force: np.ndarray) -> np.ndarray:
         """Return A^-1 force at every local degree of freedom [m], zero for prescribed motion; collective.
@@ -233,7 +237,8 @@ class Factors:
     def answers(self, unknowns: Unknowns, strip: bool = False) -> np.ndarray:
         """Return all unknowns under unit loads on each of them, with as few right-hand sides as possible.
 
-        With the limited reach of waves in a step, distant unknowns share a right-hand side. Collective.
+        With the limited reach of waves in a step, distant unknowns share a right-hand side. Answers that are iterated
+        are kept on disk, so that they are computed once. Collective.
 
         Parameters
         ----------
@@ -249,6 +254,8 @@ class Factors:
         distance = cdist(unknowns.where, unknowns.where)
         local, points = unknowns.local, len(distance)
         result = np.zeros((local, local, points, points))
+        if isinstance(self.inverse, Iterated):
+            self._stored = StoredParts(self._checksum(unknowns))
         reach = self._reach(unknowns, distance)
         groups = apart(distance, 2 * reach)
         # Without the limited reach everything is felt everywhere, as in equilibrium.
@@ -260,7 +267,23 @@ class Factors:
                 # Members of a group are so far apart that each unknown depends on the nearest one only.
                 nearest = group[np.argmin(distance[:, group], axis=1)]
                 result[:, :, np.arange(points), nearest] = np.moveaxis(answered[:, :, column, :], 0, 2)
+        if self._stored is not None:
+            LOG.info("%s", self._stored.report("bodies: solutions for the matrix of the interfaces"))
         return result
+
+    def _checksum(self, unknowns: Unknowns) -> str:
+        """Return the checksum of all that the answers depend on, on every rank; collective.
+
+        The operator of multigrid has no entries: its product with a vector of random numbers stands for them.
+        """
+        model, matrix, random = self.model, self.inverse.given, np.random.default_rng(0)
+        vector, product = matrix.createVecRight(), matrix.createVecLeft()
+        vector.array[:] = random.normal(size=self._owned)
+        matrix.mult(vector, product)
+        loads = random.normal(size=(unknowns.points, unknowns.local))
+        arrays = [product.array_r, self._free, model.coordinates, unknowns.force(loads, len(model.mass))]
+        own = checksum_of(b"ruptfx 1: loads to displacements", [*arrays, unknowns.where])
+        return " ".join(model.comm.allgather(own))
 
     def _reach(self, unknowns: Unknowns, distance: np.ndarray) -> float:
         """Return the distance of influence of a load [m], from those of a few points; collective."""
@@ -273,6 +296,17 @@ class Factors:
 
         Shape (points, local, groups, local).
         """
+        if self._stored is None or len(groups) == 0:
+            return self._solved(unknowns, groups)
+        shape = unknowns.points, unknowns.local, 1, unknowns.local
+        parts = [
+            self._stored.part(group.tobytes().hex(), shape, partial(self._solved, unknowns, [group]), self.model.comm)
+            for group in groups
+        ]
+        return np.concatenate(parts, axis=2)
+
+    def _solved(self, unknowns: Unknowns, groups: list[np.ndarray]) -> np.ndarray:
+        """Return the answers as `_answer`, by solutions; collective."""
         local = unknowns.local
 
         def forces() -> Iterator[np.ndarray]:

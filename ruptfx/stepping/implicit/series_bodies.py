@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from ruptfx.stepping.implicit.strike_series import Loaded, StrikeSeries
 if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
 
+LOG = logging.getLogger("ruptfx.run")
 UNIFORM = 1e-12  # change of the compliance of contact along strike that is rounding
 
 
@@ -85,6 +87,7 @@ class SeriesBodies:
             )
         self._contact = contact[0]
         self.series = StrikeSeries(section, names, contact[0], along.period, along.points, model.comm)
+        LOG.info("%s", self.series.report)
         own = self.series.own[:, 1:]
         immobile = np.any(own < IMMOBILE * own.max(), axis=1)
         self.prescribed = np.broadcast_to(immobile, self._grid).ravel()[grid]

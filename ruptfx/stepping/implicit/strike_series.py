@@ -9,11 +9,9 @@ the compliance c. Then T = P g_F - K s with P = (S (1 - kappa c) + c)^-1 and K =
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,10 +22,9 @@ from scipy.sparse import csr_matrix, diags
 
 from ruptfx import RuptfxError
 from ruptfx.platform import fem, parallel
-from ruptfx.platform.codegen.native import cache_directory
 from ruptfx.platform.memory import available
-from ruptfx.platform.run_files import replacing
 from ruptfx.stepping.implicit.compliance import Decomposed
+from ruptfx.stepping.implicit.stored import StoredParts, checksum_of
 
 if TYPE_CHECKING:
     from ruptfx.interfaces.section import Section
@@ -139,7 +136,7 @@ class StrikeSeries:
         self.wavenumbers = 2 * np.pi / period * np.arange(points // 2 + 1)
         self._mine = np.arange(comm.rank, len(self.wavenumbers), comm.size)
         self._need_memory()
-        self._folder, self.stored = folder or cache_directory() / "stiffness", 0
+        self._parts = StoredParts(self._checksum(), folder)
         error = None
         try:
             self._matrices = np.stack([self._matrix(k) for k in self.wavenumbers[self._mine]]) if len(self._mine) else (
@@ -148,7 +145,7 @@ class StrikeSeries:
         except Exception as caught:  # MUMPS of one rank may lack memory
             error = caught
         parallel.raise_on_all(comm, error)
-        self.stored = int(parallel.total(comm, self.stored))
+        self.stored = int(parallel.total(comm, self._parts.read))
         largest = parallel.largest(comm, np.abs(self._matrices[:, 1:]).max(initial=0.0))
         normal = parallel.largest(comm, np.abs(self._matrices[:, 0::3]).max(initial=0.0))
         self.has_opening = normal > SILENT * largest
@@ -174,6 +171,12 @@ class StrikeSeries:
         parallel.raise_on_all(self.comm, None)
 
     @property
+    def report(self) -> str:
+        """Line for the log: how many matrices were read, and how many computed."""
+        count = len(self.wavenumbers)
+        return self._parts.report("mesh.along_strike: matrices of wavenumbers", self.stored, count - self.stored)
+
+    @property
     def bytes(self) -> int:
         """Memory of the matrices of all ranks [bytes]."""
         return len(self.wavenumbers) * self._count() * 8
@@ -188,36 +191,16 @@ class StrikeSeries:
         T = self.section.unknowns
         return (T.T @ (by_power[0] + k * by_power[1] + k**2 * by_power[2] + stuck) @ T).tocsr()
 
-    @cached_property
-    def checksum(self) -> str:
-        """Checksum of all that the matrices depend on but the wavenumber."""
-        digest = hashlib.sha256(b"ruptfx 1: slip to traction")
+    def _checksum(self) -> str:
+        """Return the checksum of all that the matrices depend on but the wavenumber."""
         sparse = (*self.section.powers, self.section.unknowns, self._J)
         arrays = [each for matrix in sparse for each in (matrix.indptr, matrix.indices, matrix.data)]
-        for array in (*arrays, self.weight, self._kappa, self._c):
-            digest.update(np.ascontiguousarray(array).tobytes())
-        return digest.hexdigest()
+        return checksum_of(b"ruptfx 1: slip to traction", [*arrays, self.weight, self._kappa, self._c])
 
     def _matrix(self, k: float) -> np.ndarray:
-        """Return K of a wavenumber from its file, or computed and written there: (3 points, 2 points)."""
-        name = hashlib.sha256(f"{self.checksum} {float(k).hex()}".encode()).hexdigest()[:32]
-        file = self._folder / f"{name}.npy"
-        shape = (3 * self.size, 2 * self.size)
-        try:
-            with file.open("rb") as stream:
-                matrix, check = np.load(stream, allow_pickle=False), stream.read()
-            if matrix.shape == shape and check == _sum_of(matrix):
-                self.stored += 1
-                return np.asarray(matrix)
-        except (OSError, ValueError, EOFError):
-            pass
-        matrix = self._computed(k)
-        with suppress(OSError):  # a full disk: the next run computes it again
-            self._folder.mkdir(parents=True, exist_ok=True)
-            with replacing(file) as part, part.open("wb") as stream:
-                np.save(stream, matrix)
-                stream.write(_sum_of(matrix))
-        return matrix
+        """Return K of a wavenumber, shape (3 points, 2 points)."""
+        shape = 3 * self.size, 2 * self.size
+        return self._parts.part(float(k).hex(), shape, partial(self._computed, k), fem.MPI.COMM_SELF)
 
     def _computed(self, k: float) -> np.ndarray:
         S, _, factors = self._compliance(k)
@@ -333,7 +316,3 @@ class StrikeSeries:
             result = parallel.total(self.comm, result.view(float)).view(complex)
         result[..., 1] *= -1j
         return np.asarray(scipy.fft.irfft(result, n=self.points, axis=0))
-
-
-def _sum_of(matrix: np.ndarray) -> bytes:
-    return hashlib.sha256(np.ascontiguousarray(matrix).tobytes()).digest()
