@@ -124,7 +124,8 @@ class PetscTsMotion:
         self._u, self._v = matrix.createVecRight(), matrix.createVecRight()
         self._ts.setI2Function(fem.callback(self._residual), matrix.createVecLeft())
         by_case = any(name.startswith(("ksp_", "pc_")) for name in self._options.given)
-        self._kept = None if by_case or self._equilibrium.preconditioner.iterative else KeptFactors(matrix)
+        keeps = self.model.comm.size == 1 and not by_case and not self._equilibrium.preconditioner.iterative
+        self._kept = KeptFactors(matrix) if keeps else None
         factored = matrix if self._kept is None else self._kept.factored
         self._ts.setI2Jacobian(fem.callback(self._jacobian), matrix, factored)
         self._ts.setSolution2(self._u, self._v)
@@ -173,7 +174,7 @@ class PetscTsMotion:
         """
         last = self._last
         is_new = last is None or last[0] != time or not np.array_equal(last[1], u)
-        if parallel.anywhere(self.model.comm, is_new):
+        if is_new or self.model.comm.size > 1:  # ranks must agree
             try:
                 self._last = time, u.copy(), self._equilibrium.answer(self._state, time - self._state.time, u)
             except ProjectionError as error:
