@@ -282,7 +282,7 @@ class Factors:
         matrix.mult(vector, product)
         loads = random.normal(size=(unknowns.points, unknowns.local))
         arrays = [product.array_r, self._free, model.coordinates, unknowns.force(loads, len(model.mass))]
-        own = checksum_of(b"ruptfx 1: loads to displacements", [*arrays, unknowns.where])
+        own = checksum_of("loads to displacements", [*arrays, unknowns.where])
         return " ".join(model.comm.allgather(own))
 
     def _reach(self, unknowns: Unknowns, distance: np.ndarray) -> float:

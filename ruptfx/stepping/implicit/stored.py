@@ -12,14 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ruptfx import __version__
 from ruptfx.platform import fem, parallel
 from ruptfx.platform.codegen.native import cache_directory
 from ruptfx.platform.run_files import replacing
 
 
-def checksum_of(kind: bytes, arrays: Iterable[np.ndarray]) -> str:
-    """Return the checksum of arrays, for matrices of one kind."""
-    digest = hashlib.sha256(kind)
+def checksum_of(kind: str, arrays: Iterable[np.ndarray]) -> str:
+    """Return the checksum of arrays, for matrices of one kind that this version of the code computes."""
+    digest = hashlib.sha256(f"ruptfx {__version__}: {kind}".encode())
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

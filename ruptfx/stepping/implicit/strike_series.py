@@ -195,7 +195,7 @@ class StrikeSeries:
         """Return the checksum of all that the matrices depend on but the wavenumber."""
         sparse = (*self.section.powers, self.section.unknowns, self._J)
         arrays = [each for matrix in sparse for each in (matrix.indptr, matrix.indices, matrix.data)]
-        return checksum_of(b"ruptfx 1: slip to traction", [*arrays, self.weight, self._kappa, self._c])
+        return checksum_of("slip to traction", [*arrays, self.weight, self._kappa, self._c])
 
     def _matrix(self, k: float) -> np.ndarray:
         """Return K of a wavenumber, shape (3 points, 2 points)."""
