@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from ruptfx.platform import fem
 from ruptfx.stepping.implicit.preconditioners import Preconditioner
@@ -87,6 +87,7 @@ class KeptFactors:
             Residual [N] below which a solution need not go on.
         """
         if not self.made or ksp.getIterationNumber() > MOST:
-            self._matrix.copy(self.factored, fem.PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            same = cast(Any, fem.PETSc.Mat.Structure.SAME_NONZERO_PATTERN)  # int in the stubs
+            self._matrix.copy(self.factored, same)
             self.made += 1
         ksp.setTolerances(atol=enough)
