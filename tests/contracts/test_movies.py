@@ -11,6 +11,7 @@ import pytest
 from helpers import synthetic
 from helpers.labels import label_faults
 from helpers.messages import facts
+from matplotlib import colormaps
 from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from PIL import Image
@@ -19,6 +20,8 @@ from scipy.spatial import cKDTree
 from ruptfx import RuptfxError
 from ruptfx.input.schema import own_kinds
 from ruptfx.results import movies
+from ruptfx.results.figure_style import WAVE_MAP
+from ruptfx.results.movies._solids import facing
 from ruptfx.results.record import Record
 
 TIME, POSITION = synthetic.times(61), synthetic.points(10)
@@ -201,8 +204,8 @@ def test_movie_of_a_surface_is_a_map_with_the_front_where_it_is(tmp_path):
             np.testing.assert_allclose(image[radius < front - 1], 1.0, atol=1e-9)
             np.testing.assert_allclose(image[radius > front + 1], 0.0, atol=1e-9)
         assert movies.save(record, "slip_rate", tmp_path / "film.gif", most=4) == 4
-        for what in ("velocity", "max_shear", "fringes"):
-            refused = rf"{re.escape(str(record.path))}: .*--what slip_rate .*--format vtkhdf"
+        for what in ("max_shear", "fringes"):
+            refused = rf"{re.escape(str(record.path))}: .*--what velocity .*--what slip_rate .*--format vtkhdf"
             with pytest.raises(RuptfxError, match=refused):
                 movies.save(record, what, tmp_path / "film.gif")
 
@@ -229,3 +232,45 @@ def test_labels_of_a_frame_of_a_surface_keep_apart(what, panels, sliding, monkey
     for _ in movies.frames(sliding, what, most=3):
         assert label_faults(made[0][0]) == []
     assert len(made) == 1 and made[0][1].shape == (panels, 1)
+
+
+@pytest.mark.parametrize("corners", [8, 4])
+def test_facets_that_face_a_direction(corners):
+    """Of a cube of 2 x 2 x 2 cells, or of each of these cut into tetrahedra: 4 or 8 on each of three sides."""
+    grid = np.stack(np.meshgrid(*[np.arange(3.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(27).reshape(3, 3, 3)
+    low, high = slice(None, -1), slice(1, None)
+    square = [(low, low), (high, low), (high, high), (low, high)]
+    cells = np.stack([number[(*corner, level)].ravel() for level in (low, high) for corner in square], axis=1)
+    if corners == 4:  # around one diagonal, so that facets of neighbours fit
+        around = [1, 2, 3, 7, 4, 5]
+        pairs = zip(around, around[1:] + around[:1], strict=True)
+        cells = np.concatenate([cells[:, [0, 6, a, b]] for a, b in pairs])
+    facets = facing(grid, cells, np.array([1.0, -2.0, 0.5]))
+    assert len(facets) == (12 if corners == 8 else 24)
+    places = grid[facets]
+    for axis, place in ((0, 2.0), (1, 0.0), (2, 2.0)):
+        assert np.sum((places[..., axis] == place).all(axis=1)) == len(facets) / 3
+
+
+def test_velocity_of_solids_shows_the_side_behind_the_interface(tmp_path):
+    """The minus body at 0, 1 and 2 m/s; the plus body, at 5 m/s, is left out."""
+    with Record(synthetic.write_surface_run(tmp_path / "run")) as record:
+        synthetic.write_solids(record.path, np.full(3, 5.0), np.array([0.0, 1.0, 2.0]))
+        film = movies.film(record, "velocity")
+        assert film.label == "Particle speed (m/s)" and "the body plus" in film.remark
+        assert film.look["norm"].vmax == 2.0
+        for row, part in ((0, 0.0), (1, 0.5), (2, 1.0)):
+            colour = np.round(255 * np.array(colormaps[WAVE_MAP](part)[:3]))
+            image = film.image(row)
+            like = (np.abs(image - colour) <= 1).all(axis=2)
+            assert like.mean() > 0.15
+            rows, columns = np.nonzero(like)
+            assert like[rows.min() : rows.max(), columns.min() : columns.max()].mean() > 0.5
+        assert movies.save(record, "velocity", tmp_path / "film.gif", most=3) == 3
+        synthetic.write_solids(record.path, np.ones(1), np.ones(1))
+    with (
+        Record(tmp_path / "run") as record,
+        pytest.raises(RuptfxError, match=facts("1 snapshots .* output.bulk_interval")),
+    ):
+        movies.film(record, "velocity")

@@ -306,6 +306,32 @@ def write_surface_run(
 MIDDLE = 3.1e3, 8.1e3  # m along strike and down dip, of a contact
 
 
+def write_solids(path: Path, plus: Array, minus: Array) -> None:
+    """Write snapshots of two solids beside the plane y = 0, each 40 x 10 x 20 km in cells of 5 km, into a surface run.
+
+    Parameters
+    ----------
+    plus, minus : ndarray, shape (snapshots,)
+        Velocities along z of all points of the body at y > 0, and of the other [m/s].
+    """
+    lines = np.arange(-4, 5) * 5e3, np.arange(3) * 5e3, np.arange(-4, 1) * 5e3
+    box = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(len(box)).reshape([len(line) for line in lines])
+    low, high = slice(None, -1), slice(1, None)
+    square = [(low, low), (high, low), (high, high), (low, high)]
+    cells = np.stack([number[(*corner, level)].ravel() for level in (low, high) for corner in square], axis=1)
+    speed = np.repeat(np.stack([plus, minus], axis=1), len(box), axis=1)
+    with h5py.File(path / "bulk.h5", "w") as file:
+        file.attrs["bodies"] = ["plus", "minus"]
+        file["points"], file["cells"] = np.vstack([box, box * [1, -1, 1]]), np.vstack([cells, cells + len(box)])
+        file["body"] = np.repeat([0, 1], len(box)).astype(np.int32)
+        file["body_of_cell"] = np.repeat([0, 1], len(cells)).astype(np.int32)
+        file["time"] = np.linspace(0.0, 10.0, len(plus))
+        file["velocity"] = speed[..., None] * np.array([0.0, 0.0, 1.0])
+        for name, unit in {"points": "m", "time": "s", "velocity": "m/s"}.items():
+            file[name].attrs["units"] = unit
+
+
 def write_pressed_run(path: Path, radii: Array) -> Path:
     """Write a run with contact in a disc around `MIDDLE` that has a radius [m] at each record.
 

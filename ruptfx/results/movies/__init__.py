@@ -1,6 +1,6 @@
 """Movies of a run, from its record: a picture of the bodies, and below it the slip rate along the interface.
 
-In three dimensions they show the slip rate or the contact on a surface.
+In three dimensions they show the outer surfaces of the bodies, or the slip rate or the contact on a surface.
 
 Every kind of movie is one file of this folder, found by its name, or a module that a package offers as entry point,
 group ``ruptfx.movies``: its function of the same name makes a `Film` of a
@@ -93,12 +93,8 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
         There are no snapshots in two dimensions.
     """
     in_two_dimensions(record)
+    several_snapshots(record)
     bulk = record.bulk
-    if bulk.sizes["time"] < 2:
-        raise RuptfxError(
-            f"{record.path}: {bulk.sizes['time']} snapshots; a movie needs several; reduce output.bulk_interval and "
-            "run again"
-        )
     points, times = bulk["points"].values, bulk["time"].values
     if any(map(slides_far, record.interfaces.values())):
         return _that_slide(record, picture, label, line, **look)
@@ -117,6 +113,21 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
     )  # fmt: skip
 
 
+def several_snapshots(record: Record) -> None:
+    """Refuse a run without motion of the bodies.
+
+    Raises
+    ------
+    RuptfxError
+        It has no snapshot, or one.
+    """
+    count = record.bulk.sizes["time"]
+    if count < 2:
+        raise RuptfxError(
+            f"{record.path}: {count} snapshots; a movie needs several; reduce output.bulk_interval and run again"
+        )
+
+
 def in_two_dimensions(record: Record) -> None:
     """Refuse a run in three dimensions.
 
@@ -127,8 +138,9 @@ def in_two_dimensions(record: Record) -> None:
     """
     if record.case.get("plane") == "solid":
         raise RuptfxError(
-            f"{record.path}: solids cannot be drawn as a movie; take --what slip_rate for the surface, --what "
-            "contact if it slides far, or ruptfx export --format vtkhdf for ParaView"
+            f"{record.path}: stresses of solids cannot be drawn as a movie; take --what velocity for their outer "
+            "surfaces, --what slip_rate for the interface, --what contact if it slides far, or ruptfx export --format "
+            "vtkhdf for ParaView"
         )
 
 
