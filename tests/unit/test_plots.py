@@ -666,6 +666,15 @@ def test_the_moment_is_that_of_all_surfaces(branched):
     assert found["all"] == pytest.approx(found["main"] + found["branch"])
 
 
+def test_slip_everywhere_has_the_colours_of_its_differences(branched):
+    """Slip of 0 to 18 m begins at zero; with 30 m more everywhere, at 30 m."""
+    assert plots.rupture_map(branched).flat[0].collections[0].norm.vmin == 0.0
+    for data in branched.interfaces.values():
+        data["slip_1"].values[:] += 30.0
+    norm = plots.rupture_map(branched).flat[0].collections[0].norm
+    assert (norm.vmin, norm.vmax) == pytest.approx((30.0, 48.0), rel=0.05)
+
+
 def test_long_surfaces_are_below_each_other(branched):
     """Side by side, two surfaces 6 and 3 times as long as deep would be less than an inch high."""
     assert plots.rupture_map(branched).shape == (1, 2)

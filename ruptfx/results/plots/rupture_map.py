@@ -29,6 +29,8 @@ def rupture_map(
 ) -> None:
     """Draw contours of the rupture time over the slip at the last record, a panel for each surface.
 
+    Colours begin at zero, or at the least slip if it is more than half of the largest.
+
     Contours are every 0.5 s, or at another even step where that would be too many or too few. There are none where a
     point has not ruptured, and none around neighbours that rupture further apart than the step, or than three times
     the median of all neighbours if that is longer: the mesh resolves no front there. Such neighbours are found where a
@@ -45,7 +47,9 @@ def rupture_map(
     slips = {name: magnitude_of(data, "slip", -1) for name, data in surfaces.items()}
     size, unit = sheet.scale("slip", np.concatenate(list(slips.values())), "m")
     x_scale = sheet.scale("x", max(map(_surface.extent, surfaces.values())), "m")
-    norm = Normalize(0, max(float(slip.max()) / size for slip in slips.values()) or 1.0)
+    low, high = (extreme([extreme(slip) for slip in slips.values()]) / size for extreme in (np.min, np.max))
+    # Where all points have slipped, as after some earthquakes, the colours are those of the differences.
+    norm = Normalize(low if low > 0.5 * high else 0.0, high or 1.0)
     axes, stretch = _surface.panels(sheet, surfaces)
     known = np.concatenate([data["rupture_time"].values for data in surfaces.values()])
     known, step = known[np.isfinite(known)], 0.0
