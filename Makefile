@@ -53,7 +53,7 @@ ranks: env
 LONGEST := tests/unit/test_design.py
 SLOW = $(LONGEST) $(filter-out $(LONGEST) tests/contracts/test_bench_figures.py, \
     $(shell grep -rl 'mark\.slow' tests --include='test_*.py'))
-verify: verified every-key slow ## exact solutions, other codes, kills and faults, 1 to 3 ranks, every key, and what takes minutes
+verify: verified every-key slow test-portable ## exact solutions, other codes, kills, 1 to 3 ranks, every key, and what takes minutes
 
 verified: env
 	$(BIN)/python -m pytest $(FILES) tests/verification tests/faults tests/mpi

@@ -76,15 +76,10 @@ def test_same_numbers_as_here(tmp_path: Path):
         assert there[key] == pytest.approx(here[key], rel=1e-8)
 
 
-# Not the contracts of many whole runs, of pictures and of what needs no bodies; not the tests of the code itself.
-LEFT_OUT = {
-    "contracts": ("every_key", "remedies", "figures", "bench_figures", "movies", "misfits", "lumped"),
-    "unit": ("the_tests", "design", "lumped_spring_slider", "start"),
-}
-CONTRACTS, UNIT = (
-    " ".join([*(f"--ignore=tests/{folder}/test_{name}.py" for name in names), f"tests/{folder}"])
-    for folder, names in LEFT_OUT.items()
-)
+# Not the contracts of many whole runs, of pictures and of what needs no bodies; of the unit tests those that need them.
+LEFT_OUT = ("every_key", "remedies", "figures", "bench_figures", "movies", "misfits", "lumped")
+CONTRACTS = " ".join([*(f"--ignore=tests/contracts/test_{name}.py" for name in LEFT_OUT), "tests/contracts"])
+UNIT = "-m 'fem and not slow' tests/unit"
 
 
 @pytest.mark.parametrize(
