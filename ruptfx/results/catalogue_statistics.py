@@ -62,7 +62,7 @@ def places(ax: Axes, catalogue: Catalogue) -> None:
 
 
 def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
-    """Draw the number of events above each magnitude; inset: b against the magnitude of completeness."""
+    """Draw the number of events above each magnitude, b, and its range over magnitudes of completeness."""
     M = np.sort(catalogue.magnitude)
     ax.semilogy(M, np.arange(len(M), 0, -1), ".", color="#1a1a1a", ms=2.5)
     ax.set(xlabel="Magnitude M", ylabel="Number of events ≥ M")
@@ -72,20 +72,11 @@ def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
     line = np.array([b.completeness - b.bin / 2, M[-1]])
     ax.semilogy(line, b.count * 10 ** (-b.b * (line - line[0])), color=GUIDE, label=f"b = {b.b:.2f} ± {b.error:.2f}")
     ax.axvline(b.completeness, color=MUTED, lw=0.6, ls=":", label=f"M_c = {b.completeness:.2f}")
-    ax.legend(loc="lower left")
     against = b_against_completeness(catalogue.magnitude)
-    inset = ax.inset_axes((0.6, 0.58, 0.38, 0.34))
-    inset.errorbar(
-        [e.completeness for e in against],
-        [e.b for e in against],
-        [e.error for e in against],
-        fmt="-",
-        color=GUIDE,
-        lw=0.7,
-        elinewidth=0.4,
-    )
-    inset.set_title("b against M_c", fontsize=6, pad=2)
-    inset.tick_params(labelsize=5)
+    if len(against) > 1:
+        least, most = (extreme(each.b for each in against) for extreme in (min, max))
+        ax.plot([], [], " ", label=f"{least:.2f} to {most:.2f} for other M_c")
+    ax.legend(loc="lower left")
 
 
 def pairs(ax: Axes, D: FractalDimension | RuptfxError | None) -> None:

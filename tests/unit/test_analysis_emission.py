@@ -21,6 +21,7 @@ from ruptfx.results.analysis.emission import (
     rose,
     tensile_share,
 )
+from ruptfx.results.catalogue_statistics import catalogue_statistics
 
 
 def test_magnitude_of_energies():
@@ -54,6 +55,17 @@ def test_completeness_is_where_most_events_are():
     against = b_against_completeness(seen)
     assert against[0].completeness < estimate.completeness < against[-1].completeness
     assert all(a.count > b.count for a, b in pairwise(against))
+
+
+def test_the_figure_tells_b_for_other_magnitudes_of_completeness():
+    random = np.random.default_rng(2)
+    energy = energy_of(-8 + random.exponential(np.log10(np.e), 400))
+    catalogue = Catalogue(np.arange(400.0), random.random(400), random.random(400), energy)
+    estimates = [each.b for each in b_against_completeness(catalogue.magnitude)]
+    ax = catalogue_statistics(catalogue, b_value(catalogue.magnitude), None).axes[1]
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert f"{min(estimates):.2f} to {max(estimates):.2f} for other M_c" in labels
+    assert min(estimates) + 0.05 < max(estimates) and not ax.child_axes
 
 
 def test_no_b_value_of_too_few_or_equal_events():

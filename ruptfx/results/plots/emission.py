@@ -93,7 +93,7 @@ def _magnitudes(ax: Axes, emission: Emission) -> None:
         note(ax, "no seismic event")
     M = np.sort(emission.seismic.magnitude)
     ax.plot(M, np.arange(len(M), 0, -1), ".", color=COLOURS["shear"], ms=2, label="single facets")
-    ax.set_ylim(top=50 * max(len(M), 1))  # room for the inset
+    ax.set_ylim(top=2 * max(len(M), 1))
     ax.legend(loc="lower left", fontsize=6)
 
 
