@@ -88,8 +88,8 @@ docs-test: env ## run the code blocks of all pages, and open every page of the s
 pictures: env ## renew the pictures of the site from runs of the demos, and their numbers
 	$(BIN)/python docs/make_pictures.py
 
-bench: env ## benchmarks with acceptance numbers; fails when one is missed
-	$(BIN)/ruptfx bench all --jobs 2 --out runs/bench --overwrite
+bench: env ## benchmarks with acceptance numbers; fails when one is missed; WITHOUT="NAME ...": but these
+	$(BIN)/ruptfx bench all --jobs 2 --out runs/bench --overwrite $(addprefix --without ,$(WITHOUT))
 
 docker: ## build the image and run the demo in it, as you, with files in ./out
 	docker build -t ruptfx .

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.messages import says
+from helpers.messages import facts, says
 from PIL import Image
 
 import ruptfx.app.bench
@@ -85,6 +85,16 @@ def test_benchmarks_run_at_the_same_time(tmp_path: Path, monkeypatch: pytest.Mon
     for here, apart in zip(found[1], found[2], strict=True):
         assert here[:2] == apart[:2] and here[2] == pytest.approx(apart[2], rel=1e-9, abs=1e-12)
     assert len(list((tmp_path / "2").glob("*.json"))) == 2
+
+
+def test_some_benchmarks_are_left_out_of_all(known: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of four, one breaks down and one misses a check that decides."""
+    assert run_benchmark("all", out=known / "out", without=["broken_one", "wrong_one"])
+    said = capsys.readouterr().out
+    assert "broken_one" not in said and "wrong_one" not in said and "fine_one" in said
+    for name, without, message in (("all", "fine_ones", "fine_one"), ("fine_one", "slow_one", "leave out --without")):
+        with pytest.raises(RuptfxError, match=facts(f"--without {without}: .*{message}")):
+            run_benchmark(name, out=known / "out", without=[without])
 
 
 def test_times_decide_where_a_benchmark_is_run_by_its_name(known: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -157,9 +157,9 @@ def module_of(path: Path) -> ModuleType:
     return module
 
 
-def run_benchmark(
+def run_benchmark(  # noqa: PLR0913
     name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench", jobs: int = 1,
-    folder: str | Path | None = None, overwrite: bool = False,
+    folder: str | Path | None = None, overwrite: bool = False, without: Sequence[str] = (),
 ) -> bool:  # fmt: skip
     """Run one benchmark, or `all`; print its table, save its figure and its numbers from rank 0.
 
@@ -180,6 +180,8 @@ def run_benchmark(
         Further benchmarks, by default those of the checkout that the package runs from.
     overwrite : bool
         Also replace files in `out` that no benchmark wrote there.
+    without : sequence of str
+        Benchmarks that are left out of `all`.
 
     Returns
     -------
@@ -201,8 +203,12 @@ def run_benchmark(
     if name != "all" and name not in known:
         raise RuptfxError(f"bench {name}: {_unknown(name, known)}")
     alone = name != "all"
+    for each in without:
+        if each not in known or alone:
+            why = f"{name} is run alone; leave out --without" if alone else _unknown(each, known)
+            raise RuptfxError(f"bench {name} --without {each}: {why}")
     outcomes = {}
-    chosen = [name] if alone else every
+    chosen = [name] if alone else [each for each in every if each not in without]
     Outputs(Path(out), overwrite=overwrite).claim(*(f"{each}.{kind}" for each in chosen for kind in ("png", "json")))
     ended = _each({each: known[each] for each in chosen}, fine, Path(out), alone, jobs)
     for number, (each, (outcome, seconds)) in enumerate(ended, 1):

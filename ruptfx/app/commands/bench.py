@@ -39,6 +39,10 @@ def bench(
         ),
     ] = None,
     overwrite: Overwrite = False,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(help="Leave one out of `all`; may be repeated.", autocompletion=completed_from(names)),
+    ] = None,
 ) -> None:
     """Run verification and speed benchmarks; list failed checks at the end and exit non-zero if there are any.
 
@@ -49,5 +53,8 @@ def bench(
     with reported():
         from ruptfx.app.bench import run_benchmark
 
-        if not run_benchmark(name, as_json=as_json, fine=fine, out=out, jobs=jobs, folder=folder, overwrite=overwrite):
+        if not run_benchmark(
+            name, as_json=as_json, fine=fine, out=out, jobs=jobs, folder=folder, overwrite=overwrite,
+            without=without or (),
+        ):  # fmt: skip
             raise typer.Exit(EXIT_ERROR)
