@@ -514,10 +514,17 @@ def test_a_matlab_file_with_its_mapping_gives_the_same(tmp_path: Path) -> None:
     size = np.abs(of_numbers.mean).max()
     np.testing.assert_allclose(of_file.mean, of_numbers.mean, rtol=0, atol=1e-8 * size)
     np.testing.assert_allclose(of_file.deviation, of_numbers.deviation, rtol=1e-10)
-    with h5py.File(tmp_path / "event.mat", "r+") as file:
-        file["strain"][1, 3] = np.nan
-    with pytest.raises(CaseError, match=facts(r"45 deg.*1 of 29 samples.*index 3")):
-        parse_case({**case.table(), "objective": [entry]}, tmp_path)
+    for sample in (np.nan, np.inf):  # the first is missing, the other one a mistake
+        with h5py.File(tmp_path / "event.mat", "r+") as file:
+            file["strain"][1, 3] = sample
+        if np.isnan(sample):
+            read = parse_case({**case.table(), "objective": [entry]}, tmp_path)
+            assert isinstance(read, Case)
+            (measured,) = read.objective[0].measured()
+            assert (len(measured.values), measured.missing) == (len(TIMES) - 1, 1)
+            continue
+        with pytest.raises(CaseError, match=facts(r"45 deg.*1 of 29 samples.*index 3.*NaN")):
+            parse_case({**case.table(), "objective": [entry]}, tmp_path)
 
 
 def test_pictures_of_a_camera_are_data() -> None:
