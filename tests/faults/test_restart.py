@@ -469,8 +469,10 @@ def kill_in(out: Path, asked: list[str]) -> None:
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("how", ["overwrite", "extension"])
+@pytest.mark.parametrize("ranks, how", [
+    (1, "overwrite"), (2, "extension"),
+    *(pytest.param(*each, marks=pytest.mark.slow) for each in ((2, "overwrite"), (1, "extension"))),
+])  # fmt: skip
 def test_a_finished_run_is_there_until_the_next_one_is_complete(how, ranks, case_file, reference, tmp_path):
     out, case = tmp_path / "run", tmp_path / "case.toml"
     shutil.copytree(reference[1], out)
