@@ -11,7 +11,7 @@ from functools import wraps
 from io import BytesIO
 from pathlib import Path
 from textwrap import fill
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -19,10 +19,15 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d import Axes3D
 
 Array = np.ndarray
 
 WIDTH, ONE_COLUMN = 7.0, 3.5  # inch, two columns of a journal, and one
+TICKS = 8  # of the longest axis in perspective
 STYLE: Any = {
     "font.size": 8,
     "axes.labelsize": 8,
@@ -154,6 +159,15 @@ def new_figure(rows: int, columns: int, height: float, width: float = WIDTH, **o
 def blank_figure(width: float, height: float) -> Figure:
     """Return a figure without axes [inches]."""
     return NotebookFigure(figsize=(width, height), layout="constrained")
+
+
+def set_box(axes: Axes3D, low: Array, high: Array, unit: str, zoom: float = 1.0) -> None:
+    """Set ends, labels, equal lengths and ticks of axes in perspective, from the least and largest coordinates."""
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
+    axes.set_box_aspect(high - low, zoom=zoom)
+    for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / np.max(high - low), strict=True):
+        axis.set_major_locator(MaxNLocator(max(1, round(TICKS * part))))
 
 
 class NotebookFigure(Figure):

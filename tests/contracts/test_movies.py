@@ -238,10 +238,7 @@ def test_labels_of_a_frame_of_a_surface_keep_apart(what, panels, sliding, monkey
 def test_facets_that_face_a_direction(corners):
     """Of a cube of 2 x 2 x 2 cells, or of each of these cut into tetrahedra: 4 or 8 on each of three sides."""
     grid = np.stack(np.meshgrid(*[np.arange(3.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    number = np.arange(27).reshape(3, 3, 3)
-    low, high = slice(None, -1), slice(1, None)
-    square = [(low, low), (high, low), (high, high), (low, high)]
-    cells = np.stack([number[(*corner, level)].ravel() for level in (low, high) for corner in square], axis=1)
+    cells = synthetic.hexahedra(np.arange(27).reshape(3, 3, 3))
     if corners == 4:  # around one diagonal, so that facets of neighbours fit
         around = [1, 2, 3, 7, 4, 5]
         pairs = zip(around, around[1:] + around[:1], strict=True)

@@ -306,6 +306,13 @@ def write_surface_run(
 MIDDLE = 3.1e3, 8.1e3  # m along strike and down dip, of a contact
 
 
+def hexahedra(number: Array) -> Array:
+    """Return the cells between points on a grid, shape (cells, 8), from the numbers of the points."""
+    low, high = slice(None, -1), slice(1, None)
+    square = [(low, low), (high, low), (high, high), (low, high)]
+    return np.stack([number[(*corner, level)].ravel() for level in (low, high) for corner in square], axis=1)
+
+
 def write_solids(path: Path, plus: Array, minus: Array) -> None:
     """Write snapshots of two solids beside the plane y = 0, each 40 x 10 x 20 km in cells of 5 km, into a surface run.
 
@@ -317,9 +324,7 @@ def write_solids(path: Path, plus: Array, minus: Array) -> None:
     lines = np.arange(-4, 5) * 5e3, np.arange(3) * 5e3, np.arange(-4, 1) * 5e3
     box = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     number = np.arange(len(box)).reshape([len(line) for line in lines])
-    low, high = slice(None, -1), slice(1, None)
-    square = [(low, low), (high, low), (high, high), (low, high)]
-    cells = np.stack([number[(*corner, level)].ravel() for level in (low, high) for corner in square], axis=1)
+    cells = hexahedra(number)
     speed = np.repeat(np.stack([plus, minus], axis=1), len(box), axis=1)
     with h5py.File(path / "bulk.h5", "w") as file:
         file.attrs["bodies"] = ["plus", "minus"]

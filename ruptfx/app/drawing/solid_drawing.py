@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -16,7 +15,7 @@ from ruptfx.case import Case
 from ruptfx.interfaces.faults.fault import Fault
 from ruptfx.interfaces.sliding.interface import SlidingInterface
 from ruptfx.platform import fem
-from ruptfx.results.figure_style import RATE_MAP, blank_figure, scale, styled
+from ruptfx.results.figure_style import RATE_MAP, blank_figure, scale, set_box, styled
 from ruptfx.results.plots import figure_of
 from ruptfx.results.plots.surface_maps import triangulated
 from ruptfx.run.model import Model
@@ -26,7 +25,6 @@ Array = np.ndarray
 SURFACE, OPPOSITE, ARROWS = "#c8501e", "#3b8ea5", ("#1769aa", "#2e7d32", "#6a1b9a")
 ROUNDING = 1e-10  # gap of surfaces that touch, over the length of the surface, and differences of equal values
 BASE = 24  # rectangles along both directions of a rigid base
-TICKS = 8  # of the longest axis
 NAME_STEP = 0.045  # least distance between names, over the height of the drawing
 COLUMNS = -0.08, 1.2  # of names, left of the drawing with its numbers on the axes, and right of it; over its width
 LETTERS = ("n", "1", "2")  # normal, first and second tangent
@@ -69,13 +67,9 @@ def draw(case: Case, raw: RawMesh) -> Figure:
         )
         _draw_frame(axes, fault, size, 0.25 * float(np.ptp(facets.reshape(-1, 3), axis=0).max()))
         _draw_map(figure.add_subplot(grid[number + 1]), fault, facets, other)
-    low, high = raw.points.min(axis=0) / size, raw.points.max(axis=0) / size
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})", title=case.title or None)
-    axes.set_box_aspect(high - low)
+    set_box(axes, raw.points.min(axis=0) / size, raw.points.max(axis=0) / size, unit)
+    axes.set(title=case.title or None)
     axes.view_init(25, -60)
-    for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / np.max(high - low), strict=True):
-        axis.set_major_locator(MaxNLocator(max(1, round(TICKS * part))))
     _name_edges(axes, middles)
     return figure
 

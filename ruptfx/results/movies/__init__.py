@@ -100,7 +100,7 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
         return _that_slide(record, picture, label, line, **look)
     raster = Raster(points, bulk["cells"].values, pixels=900)
     size, unit = scale(np.ptp(points, axis=0), "m")
-    look = _brightest(lambda row: picture(row, raster), len(times), look)
+    look = brightest(lambda row: picture(row, raster), len(times), look)
     left, right, bottom, top = (value / size for value in raster.extent)
 
     def draw(axes: Axes) -> None:
@@ -159,7 +159,7 @@ def _that_slide(record: Record, picture: Callable[[int, Raster], Array], label: 
     def image(row: int) -> Array:
         return picture(row, Raster(np.vstack([places(row), frame]), cells, pixels=900))
 
-    look = _brightest(image, len(times), look)
+    look = brightest(image, len(times), look)
     size, unit = scale(np.ptp(frame, axis=0), "m")
     (left, bottom), (right, top) = frame / size
     faces = list(filter(slides_far, record.interfaces.values()))
@@ -174,8 +174,8 @@ def _that_slide(record: Record, picture: Callable[[int, Raster], Array], label: 
     return Film(times, image, (left, right, bottom, top), f"x ({unit})", f"y ({unit})", label, look, move=move)
 
 
-def _brightest(image: Callable[[int], Array], count: int, look: dict[str, Any]) -> dict[str, Any]:
-    """Return colour options with an upper limit: a few bright pixels at a tip must not darken the waves."""
+def brightest(image: Callable[[int], Array], count: int, look: dict[str, Any]) -> dict[str, Any]:
+    """Return colour options with an upper limit: a few bright pixels or facets at a tip must not darken the waves."""
     if "vmax" in look:
         return look
     sample = np.unique(np.linspace(0, count - 1, 12).astype(int))

@@ -11,13 +11,12 @@ from typing import Any, cast
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Colormap, Normalize
-from matplotlib.ticker import MaxNLocator
+from matplotlib.colors import Normalize
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ruptfx.results.figure_style import Array, blank_figure, scale
-from ruptfx.results.movies import Film
+from ruptfx.results.figure_style import Array, blank_figure, scale, set_box
+from ruptfx.results.movies import Film, brightest
 from ruptfx.results.record import Record
 
 FACETS = {
@@ -27,10 +26,9 @@ FACETS = {
 """Corners of the facets of a cell, around each of them, by the number of its corners."""
 WIDTH, HEIGHT, RESOLUTION = 6.0, 4.2, 130  # of the picture [inches], and pixels per inch
 TURN, ELEVATION, FLAT = 35.0, 25.0, 0.8  # view [degrees] from the normal of the interface; its z above which it is flat
-TICKS = 8  # of the longest axis
 
 
-def solids(record: Record, field: Callable[[int], Array], label: str, cmap: str | Colormap) -> Film:
+def solids(record: Record, field: Callable[[int], Array], label: str, cmap: str) -> Film:
     """Return the film of a field on the outer surfaces of the bodies.
 
     Parameters
@@ -47,17 +45,14 @@ def solids(record: Record, field: Callable[[int], Array], label: str, cmap: str 
     shown = cells[~np.isin(bulk["body_of_cell"].values, hidden)]
     facets = facing(points, shown, _towards(*view))
     times = bulk["time"].values
-    largest = max(
-        float(np.quantile(field(int(row))[facets], 0.998))
-        for row in np.unique(np.linspace(0, len(times) - 1, 12).astype(int))
-    )
-    look: dict[str, Any] = {"cmap": cmap, "norm": Normalize(0.0, largest or 1.0), "extend": "max"}
-    colours = colormaps[cmap] if isinstance(cmap, str) else cmap
+    look = brightest(lambda row: field(row)[facets], len(times), {"cmap": cmap})
+    norm = look["norm"] = Normalize(0.0, look.pop("vmax"))
+    colours = colormaps[cmap]
     canvas, surface = _drawing(points, facets, view)
 
     def image(row: int) -> Array:
         values = field(row)[facets].mean(axis=1)
-        surface.set_facecolor(cast(Any, colours(look["norm"](values))))
+        surface.set_facecolor(cast(Any, colours(norm(values))))
         canvas.draw()
         pixels: Array = np.asarray(canvas.buffer_rgba())[::-1, :, :3].copy()
         return pixels
@@ -129,11 +124,6 @@ def _drawing(points: Array, facets: Array, view: tuple[float, float]) -> tuple[F
     axes.set_proj_type("ortho")
     surface = Poly3DCollection(corners / size, linewidth=0, antialiased=False)
     axes.add_collection3d(surface)
-    low, high = low / size, high / size
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
-    axes.set_box_aspect(high - low, zoom=1.1)
+    set_box(axes, low / size, high / size, unit, zoom=1.1)
     axes.view_init(*view)
-    for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / np.max(high - low), strict=True):
-        axis.set_major_locator(MaxNLocator(max(1, round(TICKS * part))))
     return FigureCanvasAgg(figure), surface

@@ -55,8 +55,8 @@ def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
     last = sum(float(each[-1]) for each in moments.values())
     if last > 0:
         potency = sum(float(data["area"].values @ magnitude_of(data, "slip", -1)) for data in surfaces.values())
-        size = moment_magnitude(last)
-        sheet.remark(f"Moment magnitude of the final slip {size:.2f}; mean shear modulus {last / potency:.4g} Pa.")
+        magnitude = moment_magnitude(last)
+        sheet.remark(f"Moment magnitude of the final slip {magnitude:.2f}; mean shear modulus {last / potency:.4g} Pa.")
 
 
 def _rates(record: Files, time: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
