@@ -21,7 +21,7 @@ from ruptfx.many_runs.adjoint import figure as gradients
 from ruptfx.many_runs.study import search, search_figure
 from ruptfx.many_runs.study.definition import Axis
 from ruptfx.results import movies
-from ruptfx.results.analysis.emission import BValue, Catalogue, FractalDimension, Omori
+from ruptfx.results.analysis.emission import BValue, Catalogue, FractalDimension, Omori, b_against_completeness
 from ruptfx.results.catalogue_statistics import catalogue_statistics
 from ruptfx.results.record import Record
 
@@ -38,11 +38,13 @@ def test_statistics_of_a_catalogue() -> None:
     np.testing.assert_allclose(circles.get_offsets() * sizes_of(places), np.column_stack([EVENTS.x, EVENTS.y]))
     order = np.argsort(EVENTS.magnitude)
     assert np.all(np.diff(circles.get_sizes()[order]) > 0)  # larger magnitudes have larger circles
-    count, line, completeness = sizes.lines
+    count, line, completeness, others = sizes.lines
     np.testing.assert_allclose(count.get_data(), [EVENTS.magnitude[order], np.arange(80, 0, -1)])
     ends = np.array([-8.55, EVENTS.magnitude.max()])
     np.testing.assert_allclose(line.get_data(), [ends, 70 * 10 ** (-1.2 * (ends + 8.55))])
     assert completeness.get_xdata()[0] == -8.5
+    against = [each.b for each in b_against_completeness(EVENTS.magnitude)]
+    assert others.get_label() == f"{min(against):.2f} to {max(against):.2f} for other M_c"
     middle = np.exp(np.mean(np.log(radius))), np.exp(np.mean(np.log(D.correlation)))
     shows(pairs, (radius, D.correlation), (radius, middle[1] * (radius / middle[0]) ** 1.6))
     before = 1e-3 - EVENTS.time
