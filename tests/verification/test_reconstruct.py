@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -492,6 +493,33 @@ def test_slip_is_reconstructed_within_its_deviation(tmp_path: Path) -> None:
     again = reconstruct(case, shared, progress=False)
     assert again.about["responses_read"] >= 4
     np.testing.assert_allclose(again.mean, first.slip_rate.values, atol=1e-12)
+
+
+@pytest.mark.parametrize(("phase", "number"), [("lengths_of", signal.SIGTERM), ("solve", signal.SIGINT)])
+def test_a_posterior_that_is_stopped_says_what_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, phase: str, number: signal.Signals
+) -> None:
+    """Ctrl-C and SIGTERM after the set-up, where no progress is reported: the message and the exit code of a run."""
+    from ruptfx.many_runs.reconstruction import reconstruct as module
+
+    experiment()[0].save(tmp_path)
+    command = ["reconstruct", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out"), "--responses",
+               str(tmp_path / "responses"), "--quiet"]  # fmt: skip
+
+    def stopped(*arguments: Any) -> None:
+        del arguments
+        signal.raise_signal(number)
+        pytest.fail("the signal had no effect")
+
+    before = signal.getsignal(signal.SIGTERM)
+    with monkeypatch.context() as patch:
+        patch.setattr(module, phase, stopped)
+        result = CliRunner().invoke(app, command)
+    said = f"stopped; responses of {len(GAUGES) + 1} channels are kept in {tmp_path / 'responses'}, the same command"
+    assert result.exit_code == 130 and said in " ".join(result.output.split()), result.output
+    assert signal.getsignal(signal.SIGTERM) == before and not (tmp_path / "out/summary.json").exists()
+    files = len(list((tmp_path / "responses").iterdir()))
+    assert files == len(GAUGES) + 1 + (phase == "solve")  # tractions come after the lengths
 
 
 def test_a_matlab_file_with_its_mapping_gives_the_same(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from ruptfx.case import Case
 from ruptfx.many_runs.adjoint.sweeps import Told
+from ruptfx.many_runs.jobs import stoppable
 from ruptfx.many_runs.reconstruction.experiment import Experiment
 from ruptfx.many_runs.reconstruction.geometry import Geometry
 from ruptfx.many_runs.reconstruction.law_fit import POSITIONS, SAMPLES, Histories, LawFit, fit_law
@@ -221,21 +223,21 @@ def reconstruct(
     rows = experiment.rows(
         twin.knots, lambda number, phase: twin.kernel(readings, number, lags[number], phase), still.samples
     )
-    with working("lengths of the prior", show):
+    with working("lengths of the prior", show), _stoppable(comm, stored, responses):
         lengths = parallel.on_root(comm, lambda: lengths_of(rows, twin, settings))
-    if settings.length is None or settings.time is None:
-        refuse_large(needs, twin, settings, lengths["length"], lengths["time"])
-    dip_length = lengths.get("dip_length")
-    prior = Prior.of_lengths(
-        lengths["amplitude"], lengths["length"], lengths["time"],
-        stretched(geometry.locations, lengths["length"], dip_length), twin.knots.times, order=settings.order,
-    )  # fmt: skip
+        if settings.length is None or settings.time is None:
+            refuse_large(needs, twin, settings, lengths["length"], lengths["time"])
+        dip_length = lengths.get("dip_length")
+        prior = Prior.of_lengths(
+            lengths["amplitude"], lengths["length"], lengths["time"],
+            stretched(geometry.locations, lengths["length"], dip_length), twin.knots.times, order=settings.order,
+        )  # fmt: skip
     with reporting() as report:
         tractions = stored.tractions(still, prior, lengths["amplitude"], report)
     towards = (float(np.sign(np.sum(twin.shear_traction))) or 1.0) if geometry.tangents == 1 else 1.0
     at = Setting(experiment, rows, twin, still.samples, settings, stored, tractions, lengths, towards, chosen)
     set_up, begun = time.perf_counter() - begun, time.perf_counter()
-    with working("computing mean and deviation", show):
+    with working("computing mean and deviation", show), _stoppable(comm, stored, responses):
         solution = parallel.on_root(comm, lambda: solve(at, prior))
     mean, samples, curves = solution.rates[0], solution.rates[1:], solution.curves
     solved, begun = time.perf_counter() - begun - solution.seconds, time.perf_counter()
@@ -277,11 +279,19 @@ def reconstruct(
     )  # fmt: skip
 
 
+def _stoppable(comm: fem.MPI.Comm, stored: Responses, folder: str | Path | None) -> AbstractContextManager[None]:
+    """Let Ctrl-C and SIGTERM end a phase without reports of progress.
+
+    On several ranks the next report does, as an interrupt of one rank would leave the others in a collective call.
+    """
+    return stoppable(lambda: _kept(stored, folder)) if comm.size == 1 else nullcontext()
+
+
 def _kept(stored: Responses, folder: str | Path | None) -> str:
     """Return what is kept of a reconstruction that ends early, for its message."""
     if folder is None:
         return "nothing is kept"
-    return f"responses of {stored.computed + stored.read} channels are kept in {folder}, the same command continues"
+    return f"responses of {stored.channels} channels are kept in {folder}, the same command continues"
 
 
 def _part(tell: Told, number: int, count: int, name: str) -> Told:

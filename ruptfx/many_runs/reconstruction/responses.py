@@ -54,6 +54,11 @@ class Responses:
             "dt": float(f"{twin.knots.dt:.12g}"), "version": __version__, "files": dict(twin.model.case.sums),
         }  # fmt: skip
 
+    @property
+    def channels(self) -> int:
+        """Number of sensors whose responses are known; tractions do not count."""
+        return min(self.computed + self.read, len(self._sensors))
+
     def lags(self, number: int, tell: Told) -> dict[str, Floats]:
         """Return the lags of the sources of a request by clock, shapes (steps, n); collective."""
         key = seal({**self._specimen, "sensor": self._sensors[number]})
