@@ -20,7 +20,7 @@ from ruptfx import Record, RuptfxError
 from ruptfx.app.cli import app
 from ruptfx.app.commands._measured import overlay
 from ruptfx.input.number_files import named_histories
-from ruptfx.results.analysis.measured import channel_label, compare_with_file, misfit
+from ruptfx.results.analysis.measured import TRIED, Pair, channel_label, compare_with_file, misfit
 
 TIME = np.linspace(0, 40e-6, 401)
 
@@ -69,6 +69,16 @@ def test_equal_signals_have_no_misfit_and_opposite_ones_no_shift() -> None:
     same, turned = misfit(TIME, pulse(TIME), TIME, pulse(TIME)), misfit(TIME, pulse(TIME), TIME, -pulse(TIME))
     assert same.misfit == 0 and abs(same.shift) < 1e-10 and same.ratio == pytest.approx(1)
     assert turned.misfit == pytest.approx(2) and turned.ratio == pytest.approx(-1) and turned.shift == 0
+
+
+@pytest.mark.parametrize(("delay", "text"), [(0.0, "0 ns"), (2.3e-6, "2.3 us"), (-2e-9, "-2 ns")])
+def test_a_shift_below_the_resolution_of_the_samples_is_zero(delay: float, text: str) -> None:
+    """The middle of the shifts tried is 4e-22 s there; samples are 100 ns apart."""
+    most = 3.3e-6
+    assert 0 < np.linspace(-most, most, 2 * TRIED + 1)[TRIED] < 1e-20
+    late = pulse(TIME - delay)
+    pair = Pair("x", "m", TIME, late, TIME, pulse(TIME), misfit(TIME, pulse(TIME), TIME, late, most))
+    assert pair.shift == text and (pair.result.shift != 0) == bool(delay)
 
 
 def test_a_constant_signal_is_not_shifted() -> None:

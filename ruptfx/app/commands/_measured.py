@@ -10,7 +10,6 @@ from rich.table import Table
 
 from ruptfx import RuptfxError
 from ruptfx.app.commands._shared import screen
-from ruptfx.input.quantities import with_prefix
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,8 +55,7 @@ def show(
     table = Table("channel", "misfit", "best time shift", "misfit then", "measured/computed", box=None, pad_edge=False)
     for pair in pairs.values():
         result = pair.result
-        table.add_row(pair.label, _percent(result.misfit), with_prefix(result.shift, "s") if result.shift else "0",
-                      _percent(result.shifted), f"{result.ratio:.3g}")  # fmt: skip
+        table.add_row(pair.label, _percent(result.misfit), pair.shift, _percent(result.shifted), f"{result.ratio:.3g}")
     screen.print(table)
     if opposite := [pair.label for pair in pairs.values() if pair.result.ratio < 0]:
         screen.print(
@@ -105,7 +103,7 @@ def overlay(pairs: list[Pair], measured: str) -> Figure:
             first = min(pair.computed_time[0], pair.computed_time[0] + result.shift)
             ax.set_xlim(first / t_size, pair.computed_time[-1] / t_size)
             ax.set_ylabel(f"{pair.label} ({unit})".replace(pair.label[0], pair.label[0].upper(), 1))
-            then = f"; {_percent(result.shifted)} at {with_prefix(result.shift, 's')}".replace("us", "µs")
+            then = f"; {_percent(result.shifted)} at {pair.shift}".replace("us", "µs")
             ax.set_title(f"misfit {_percent(result.misfit)}{then if result.shift else ''}", loc="right")
         for ax in axes.ravel()[: len(shown)][-columns:]:
             ax.set_xlabel(f"Time ({t_unit})")

@@ -12,12 +12,14 @@ import numpy as np
 
 from ruptfx import RuptfxError
 from ruptfx.input.number_files import named_histories
+from ruptfx.input.quantities import with_prefix
 
 if TYPE_CHECKING:
     from ruptfx.results.record import Files
 
 SHIFTED = 0.25  # largest shift over the common duration, without one of the user
 TRIED = 400  # shifts on the coarse grid, to each side
+RESOLVED = 1e-6  # shortest time shift over the sample interval that is not rounding
 THINNED = 4000  # largest number of samples for the coarse grid
 _ANGLE = re.compile(r"at (-?[\d.e+-]+) degrees")
 
@@ -81,6 +83,17 @@ class Pair:
     computed_time: np.ndarray
     computed: np.ndarray
     result: Misfit
+
+    @property
+    def shift(self) -> str:
+        """Time shift as text; that of zero has the unit of the samples."""
+        unit = with_prefix(_interval(self.measured_time), "s").split()[1]
+        return with_prefix(self.result.shift, "s") if self.result.shift else f"0 {unit}"
+
+
+def _interval(times: np.ndarray) -> float:
+    """Return the shortest time between samples [s]."""
+    return float(np.diff(times).min())
 
 
 def channel_label(name: str, attributes: Mapping[str, object]) -> str:
@@ -238,6 +251,8 @@ def misfit(
 
     most = SHIFTED * (last - first) if most_shift is None else most_shift
     shift, limited = _best(residual, most, max(1, len(measured) // THINNED))
+    if abs(shift) < RESOLVED * min(_interval(computed_time), _interval(measured_time)):
+        shift = 0.0
     m, c = both(shift)
     return Misfit(size(0.0), shift, size(shift), float(m @ c / (c @ c)) if c.any() else np.nan, limited)
 
