@@ -262,10 +262,12 @@ class Bound:
             try:
                 self._type.validate_python(float(values[place]))
             except ValidationError as error:
-                reason = error.errors()[0]["msg"]
+                problem = error.errors()[0]
+                reason = problem["msg"].removeprefix("Value error, ")
+                remedy = "" if problem["type"] == "value_error" else "; change the profile"  # else it has its own
                 where = f"position {', '.join(f'{x:.6g}' for x in np.atleast_1d(position[place]))} m"
                 raise CaseError(
-                    f"{key} = {values[place]:.6g} at {where}: {reason[0].lower()}{reason[1:]}; change the profile"
+                    f"{key} = {values[place]:.6g} at {where}: {reason[0].lower()}{reason[1:]}{remedy}"
                 ) from None
 
 

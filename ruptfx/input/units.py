@@ -41,6 +41,17 @@ def without_unit(quantity: str) -> BeforeValidator:
     return _OfAnotherKey(check)
 
 
+def positive_or(remedy: str) -> BeforeValidator:
+    """Return the validator of positive numbers whose refusal ends with a remedy."""
+
+    def check(value: object) -> object:
+        if isinstance(value, float | int) and value <= 0:
+            raise ValueError(f"input should be greater than 0; {remedy}")
+        return value
+
+    return BeforeValidator(check)
+
+
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
@@ -75,6 +86,7 @@ if TYPE_CHECKING:
     VaryingPressure = Varying
     VaryingCoefficient = Varying
     VaryingExponent = Varying
+    VaryingEvolution = Varying
     VaryingRatio = Varying
     VaryingFactor = Varying
     VaryingLength = Varying
@@ -101,6 +113,12 @@ else:
     VaryingPressure = varying(NonNegative, "Pa")
     VaryingCoefficient = varying(NonNegative, "1")
     VaryingExponent = varying(Positive, "1")
+    VaryingEvolution = varying(
+        Annotated[float, Field(gt=0), positive_or(
+            "without an evolution effect give 1e-6, which changes friction by less than 1e-4, and theta_initial where "
+            "the law has this key: the age that carries the initial stress would overflow"
+        )], "1",
+    )  # fmt: skip
     VaryingRatio = varying(NonNegative, "1")
     VaryingFactor = varying(float, "1")
     VaryingLength = varying(Positive, "m")

@@ -115,7 +115,21 @@ WELL = {"kind": "diffusion", "permeability": 1e-13, "viscosity": 1e-3, "compress
 PRESSURISED = {"kind": "thermal_pressurisation", "heat_capacity": 2.7e6, "thermal_diffusivity": 1e-6,
                "hydraulic_diffusivity": 1e-5, "pressure_per_temperature": 1e5, "width": 1e-3}  # fmt: skip
 
+SATURATING = {"kind": "rate_and_state_saturating", "a": 0.01, "b": 0.0, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6,
+              "theta_c": 0.1}  # fmt: skip
+ENDS = {"kind": "boxcar", "inside": 0.015, "outside": 0.0, "center": 16e-3, "half_width": 8e-3}
+
 NUMBERS: dict[str, Remedy] = {
+    "no evolution effect": Remedy(
+        slip_weakening({"faults.main.friction": SATURATING}), rf"friction\.b = 0.* give {N}.* (theta_initial)",
+        lambda m: [{"faults.main.friction.b": number(m), f"faults.main.friction.{m[2]}": 10.0}]),
+    "no evolution effect at the ends": Remedy(
+        slip_weakening({"faults.main.friction": {**SATURATING, "b": ENDS}}),
+        rf"friction\.b = 0 at position .* give {N}.* (theta_initial)",
+        lambda m: [{"faults.main.friction.b": {**ENDS, "outside": number(m)}, f"faults.main.friction.{m[2]}": 10.0}]),
+    "no age carries the initial stress": Remedy(
+        slip_weakening({"faults.main.friction": {**SATURATING, "b": 1e-6}}),
+        r"with theta = inf only.* (faults\.main\.friction\.theta_initial)", lambda m: [{m[1]: 10.0}]),
     "pore pressure that opens": Remedy(
         flat(faults__main__pore_pressure=WATER),
         rf"pore_pressure: {N} Pa at the start is not below the normal stress of {N} Pa",

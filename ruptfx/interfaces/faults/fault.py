@@ -180,12 +180,16 @@ class Fault:
             if len(wrong):
                 point = int(wrong[0])
                 shear, normal = float(np.linalg.norm(self.shear_traction_0[point])), float(self.normal_stress_0[point])
+                key = f"{name}_initial" if f"{name}_initial" in type(self.friction).model_fields else ""
+                given = (
+                    f"faults.{self.name}.friction.{key}, the initial state" if key else "the initial state of the law"
+                )
                 raise CaseError(
                     f"faults.{self.name}.initial_stress: shear / normal = {shear:.6g} Pa / {normal:.6g} Pa = "
                     f"{shear / normal if normal else np.inf:.4g} at position {self.interface.position[point]:.6g} m "
                     f"({len(wrong)} such points): {self.friction.kind()} carries it with {name} = {values[point]:.3g} "
                     f"only, and at most {_LARGEST_STATE:g} is computed; lower the shear stress or raise the normal "
-                    "stress there, or give the initial state of the law"
+                    f"stress there, or give {given}"
                 )
         pressed = np.where(self.normal_stress_0 > 0, self.normal_stress_0, _TRIED_STRESS)
         for time, rate in itertools.product(_TRIED_TIMES, _TRIED_RATES):

@@ -6,7 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from ruptfx.input.units import VaryingCoefficient, VaryingExponent, VaryingLength, VaryingSpeed, VaryingTime
+from ruptfx.input.units import (
+    VaryingCoefficient,
+    VaryingEvolution,
+    VaryingExponent,
+    VaryingLength,
+    VaryingSpeed,
+    VaryingTime,
+)
 from ruptfx.laws.friction import AT_REST, Array, FrictionLaw, LawState
 from ruptfx.laws.friction.lengths import RateDependence
 
@@ -34,7 +41,7 @@ class Creeping(FrictionLaw):
 
     a: VaryingExponent
     """Direct effect: instantaneous change of the coefficient with the logarithm of the slip rate."""
-    b: VaryingExponent
+    b: VaryingEvolution
     """Evolution effect: change of the coefficient with the logarithm of the slip rate, over D_c."""
     D_c: VaryingLength
     """Slip over which the state follows a change of the slip rate."""
