@@ -128,6 +128,7 @@ def test_damaged_cases(table):
         assert again.hash == case.hash
 
 
+@pytest.mark.slow
 @pytest.mark.faults
 @many
 @given(damaged(STUDIES))

@@ -84,7 +84,7 @@ def stop_after(case: Path, out: Path, ranks: int, checkpoints: int, number: sign
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_killed_run_resumes_to_the_same_files(ranks, case_file, reference, tmp_path):
     stop_after(case_file, tmp_path / "run", ranks, 1, signal.SIGKILL)
     with Record(tmp_path / "run") as record:  # readable as it was left
@@ -143,7 +143,10 @@ def test_resumes_on_another_number_of_ranks(case_file, reference, tmp_path):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGUSR1, signal.SIGXCPU])
+@pytest.mark.parametrize("number", [
+    signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow),
+    pytest.param(signal.SIGUSR1, marks=pytest.mark.slow), pytest.param(signal.SIGXCPU, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_signals_write_a_checkpoint_first(number, case_file, reference, tmp_path):
     assert stop_after(case_file, tmp_path / "run", 1, 1, number) == 130
     newest = max((tmp_path / "run" / "checkpoints").glob("step_*"))
@@ -244,7 +247,7 @@ def test_no_byte_of_a_checkpoint_can_change_unnoticed(killed):
 @pytest.mark.faults
 @pytest.mark.parametrize("change, message", [
     ({"ruptfx_version": "0.0.1"}, f"written by ruptfx 0.0.1, this is {__version__}"),
-    ({"layout": 1}, "written by another revision"),
+    pytest.param({"layout": 1}, "written by another revision", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_checkpoint_of_another_version_is_refused(change, message, killed, case_file):
     for folder in (killed / "checkpoints").glob("step_*"):
@@ -273,6 +276,7 @@ def test_a_rank_that_dies_ends_all_and_nothing_is_lost(case_file, reference, tmp
     assert max(largest_difference(reference[2], out).values()) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.faults
 def test_ranks_end_with_their_launcher(case_file, tmp_path, monkeypatch):
     """Killed, `ruptfx run --ranks 2` takes mpiexec and its ranks with it, and leaves nothing in the temp directory."""
@@ -313,7 +317,7 @@ def test_complete_run_of_another_case_is_not_handed_out(case_file, reference):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_second_resume_at_the_same_time_is_refused(ranks, case_file, reference, tmp_path):
     out = tmp_path / "run"
     first = subprocess.Popen(command(case_file, out, 1), stderr=subprocess.PIPE, text=True)
@@ -407,8 +411,8 @@ def assert_mine(out: Path) -> None:
 
 @pytest.mark.faults
 @pytest.mark.parametrize("name, ranks", [
-    *((name, 1) for name in EXTENDED), ("adaptive", 2),
-    *(pytest.param(name, 2, marks=pytest.mark.slow) for name in EXTENDED if name != "adaptive"),
+    ("leapfrog", 1), *(pytest.param(name, 1, marks=pytest.mark.slow) for name in EXTENDED if name != "leapfrog"),
+    *(pytest.param(name, 2, marks=pytest.mark.slow) for name in EXTENDED),
 ])  # fmt: skip
 def test_a_finished_run_is_extended_from_its_end(name, ranks, tmp_path):
     """From 40 to 60 units of time: the same bits as a run of 60; it has written no checkpoint but that of its end."""
@@ -433,6 +437,7 @@ def test_a_finished_run_is_extended_from_its_end(name, ranks, tmp_path):
     assert run_files.check_all(out) == []
 
 
+@pytest.mark.slow
 @pytest.mark.faults
 def test_a_run_without_checkpoint_is_not_extended(tmp_path):
     """Nothing of it is touched, and the command that is named computes the longer run."""
@@ -470,8 +475,8 @@ def kill_in(out: Path, asked: list[str]) -> None:
 
 @pytest.mark.faults
 @pytest.mark.parametrize("ranks, how", [
-    (1, "overwrite"), (2, "extension"),
-    *(pytest.param(*each, marks=pytest.mark.slow) for each in ((2, "overwrite"), (1, "extension"))),
+    (1, "overwrite"),
+    *(pytest.param(*each, marks=pytest.mark.slow) for each in ((2, "overwrite"), (1, "extension"), (2, "extension"))),
 ])  # fmt: skip
 def test_a_finished_run_is_there_until_the_next_one_is_complete(how, ranks, case_file, reference, tmp_path):
     out, case = tmp_path / "run", tmp_path / "case.toml"

@@ -39,10 +39,14 @@ def write(folder: Path, table: dict[str, Any]) -> Path:
     return path
 
 
-def run_of(*tables: dict[str, Any]) -> tuple[Any, Any]:
-    """Two fixtures of a module, to be called `case_file` and `alone`: the file of each, and its run on one rank."""
+def run_of(*tables: dict[str, Any], marks: Any = ()) -> tuple[Any, Any]:
+    """Two fixtures of a module, to be called `case_file` and `alone`: the file of each, and its run on one rank.
 
-    @pytest.fixture(scope="module", params=tables, ids=range(len(tables)))
+    Marks are those of all tests of any case but the first.
+    """
+    params = [pytest.param(table, marks=marks if number else (), id=str(number)) for number, table in enumerate(tables)]
+
+    @pytest.fixture(scope="module", params=params)
     def case_file(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
         return write(tmp_path_factory.mktemp("case"), request.param)
 

@@ -52,7 +52,7 @@ case_file, alone = run_of(*(
     "fracture.kind": "extrinsic", "faults.main.contact": contact, "fracture.default.cohesion": BRITTLE,
     "mesh.element_size": 0.5e-3, "output.checkpoint_steps": 80, "damping": {"kelvin_voigt": {"fraction": 0.1}},
     "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 0.1}],
-}) for contact in (SOFT, {"kind": "split_node"})))  # fmt: skip
+}) for contact in (SOFT, {"kind": "split_node"})), marks=pytest.mark.slow)  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from helpers.messages import facts
 from helpers.small_cases import SPLIT, case
 from helpers.whole_runs import starts_jobs
@@ -54,22 +55,22 @@ def test_a_script_does_not_hang_where_one_rank_fails() -> None:
     assert done.returncode != 0 and done.stderr.count("ZeroDivisionError") == 1
 
 
-def test_ranks_without_elements(tmp_path: Path) -> None:
+@pytest.mark.parametrize("length, ranks", [(1e-3, 2), pytest.param(4e-3, 8, marks=pytest.mark.slow)])
+def test_ranks_without_elements(length: float, ranks: int, tmp_path: Path) -> None:
     """Two elements that face each other are one pair, for one rank. The number of ranks in the message works."""
-    for length, ranks in ((1e-3, 2), (4e-3, 8)):
-        given = case({
-            "order": 1, "duration": 1e-6, "faults.main.contact": SPLIT,
-            "mesh": {"kind": "two_plates", "length": length, "height": 1e-3, "element_size": 1e-3},
-        })  # fmt: skip
-        file = tmp_path / f"case_{ranks}.toml"
-        file.write_text(given.to_toml(), encoding="utf-8")
-        refused = run(file, ranks)
-        said = refused.stdout + refused.stderr
-        works = re.search(facts(rf"{ranks} ranks for {round(2e3 * length)} elements.*--ranks (\d+)"), said)
-        assert refused.returncode != 0 and works is not None and "Traceback" not in said, said
-        assert 1 <= int(works[1]) < ranks
-        done = run(file, int(works[1]))
-        assert done.returncode == 0, done.stderr
+    given = case({
+        "order": 1, "duration": 1e-6, "faults.main.contact": SPLIT,
+        "mesh": {"kind": "two_plates", "length": length, "height": 1e-3, "element_size": 1e-3},
+    })  # fmt: skip
+    file = tmp_path / "case.toml"
+    file.write_text(given.to_toml(), encoding="utf-8")
+    refused = run(file, ranks)
+    said = refused.stdout + refused.stderr
+    works = re.search(facts(rf"{ranks} ranks for {round(2e3 * length)} elements.*--ranks (\d+)"), said)
+    assert refused.returncode != 0 and works is not None and "Traceback" not in said, said
+    assert 1 <= int(works[1]) < ranks
+    done = run(file, int(works[1]))
+    assert done.returncode == 0, done.stderr
 
 
 def run(file: Path, ranks: int) -> subprocess.CompletedProcess[str]:

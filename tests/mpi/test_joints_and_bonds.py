@@ -28,6 +28,7 @@ def runs(table: dict[str, Any], folder: Path) -> tuple[Path, Path]:
     return run_on(1, case, folder / "on1"), run_on(2, case, folder / "on2")
 
 
+@pytest.mark.slow
 def test_a_joint_breaks_to_the_same_bits(tmp_path: Path) -> None:
     weak = {**WEAK, "f_t": 0.2 * WEAK["f_t"], "G_Ic": 0.5, "G_IIc": 2.0}
     table = block({
@@ -58,9 +59,10 @@ IMPLICIT = merged(BONDED, {
     "faults.main.contact": {"kind": "compliant", "C_n": 5e12, "C_s": 5e12}, "duration": 6e-6,
     "output.checkpoint_steps": 7,
 })  # fmt: skip
-case_file, alone = run_of(BONDED, IMPLICIT)
+case_file, alone = run_of(BONDED, IMPLICIT, marks=pytest.mark.slow)
 
 
+@pytest.mark.slow
 def test_a_bond_breaks_alike(case_file: Path, alone: Path, tmp_path: Path) -> None:
     breaks_alike(alone, run_on(2, case_file, tmp_path / "run"))
 
@@ -95,6 +97,7 @@ def test_a_bond_goes_on_from_a_checkpoint_to_the_same_bits(case_file: Path, alon
     breaks_alike(alone, run_on(2, case_file, stopped(alone, tmp_path / "other"), "--resume"))
 
 
+@pytest.mark.slow
 @pytest.mark.faults
 def test_a_bond_that_was_killed_on_two_ranks_resumes_to_the_same_files(tmp_path: Path) -> None:
     """Long enough to be killed before it ends."""

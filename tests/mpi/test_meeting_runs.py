@@ -41,7 +41,7 @@ case_file, alone = run_of(*(
     for changes in ({}, {  # all other pairs rub by Coulomb's law
         "fracture.pairs": {"plate-stone": {"friction": AGEING}}, "damping": {"kelvin_voigt": {"fraction": 0.1}},
     }, {"fracture.kind": "extrinsic", "output.checkpoint_steps": 180, "damping": {"kelvin_voigt": {"fraction": 0.1}}})
-))  # fmt: skip
+), marks=pytest.mark.slow)  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])

@@ -79,12 +79,8 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
-MORE = ("elastic", "lecture_I", "antiplane")
-"""Cases whose mechanisms the others have, too."""
-
-
 @pytest.mark.parametrize("name", [
-    *(pytest.param(name, marks=pytest.mark.slow if name in MORE else ()) for name in CASES), "welded",
+    pytest.param(name, marks=() if name == "implicit" else pytest.mark.slow) for name in (*CASES, "welded")
 ])  # fmt: skip
 def test_files_from_1_2_and_3_ranks(name: str, tmp_path: Path) -> None:
     table = CASES[name] if name in CASES else welded(tmp_path)
@@ -125,8 +121,10 @@ def test_wrong_mpiexec_is_noticed(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["ctrl_c", "sigterm"])
+@pytest.mark.parametrize("number, ranks", [
+    pytest.param(number, ranks, id=f"{name}-{ranks}", marks=() if quick == ranks else pytest.mark.slow)
+    for ranks in (1, 2) for name, number, quick in (("ctrl_c", signal.SIGINT, 2), ("sigterm", signal.SIGTERM, 1))
+])  # fmt: skip
 def test_stopped_by_a_signal(number: signal.Signals, ranks: int, tmp_path: Path) -> None:
     """Exit code 130, a message with the number of records, and files that can be read."""
     case = write(tmp_path, plates({"duration": 0.1, "output.interface_interval": 2e-6}))
@@ -175,12 +173,12 @@ cli.app()
 """
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(
-    "what, message",
-    [("raise TypeError('a bug')", "TypeError: a bug"), ("velocity[:] = float('nan')", "not a number")],
-    ids=["bug", "nan"],
-)
+@pytest.mark.parametrize("what, message, ranks", [
+    pytest.param(*each, ranks, id=f"{name}-{ranks}", marks=[pytest.mark.slow] * (name == "nan" and ranks == 2))
+    for ranks in (1, 2) for name, *each in (
+        ("bug", "raise TypeError('a bug')", "TypeError: a bug"), ("nan", "velocity[:] = float('nan')", "not a number"),
+    )
+])  # fmt: skip
 def test_what_goes_wrong_on_one_rank_ends_all(what: str, message: str, ranks: int, tmp_path: Path) -> None:
     """A bug shows its traceback, a motion that is not a number its place; nobody waits for a rank that is gone."""
     case = write(tmp_path, plates({"duration": 1e-3, "output.interface_interval": 1e-7}))

@@ -19,6 +19,7 @@ case_file, alone = run_of(joined_bar(SOON, 20.0, 0.72e-3, {
 }))  # fmt: skip
 
 
+@pytest.mark.slow
 def test_ranks_agree(case_file: Path, alone: Path, tmp_path: Path) -> None:
     """Up to the tolerance of the solver of slow steps."""
     with Record(alone) as a, Record(run_on(2, case_file, tmp_path / "run")) as b:

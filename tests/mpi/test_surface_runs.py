@@ -35,6 +35,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_files_from_1_to_4_ranks(runs: Path) -> None:
     for ranks in (2, 3, 4):  # slabs; 4 ranks have blocks in x and z, whose edges cross the fault
         differences = largest_difference(runs / "1", runs / str(ranks))
@@ -51,6 +52,7 @@ def test_files_from_1_to_4_ranks(runs: Path) -> None:
         assert summary["moment"] == pytest.approx(moment, rel=1e-9) and summary["energy_closure"] < 1e-12
 
 
+@pytest.mark.slow
 def test_the_moment_rate_is_that_of_every_step(runs: Path) -> None:
     """At the records it is that of the fields; its integral is the moment; ranks do not matter."""
     with Record(runs / "1") as record, Record(runs / "3") as other:
@@ -86,6 +88,7 @@ def test_a_half_gives_the_same_files_on_1_and_2_ranks(tmp_path: Path) -> None:
         assert record.interface.slip_1.max() > 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_killed_run_goes_on_to_the_same_bits(ranks: int, runs: Path, tmp_path: Path) -> None:
     case = write(tmp_path, strike_slip(CHANGES))
@@ -104,6 +107,7 @@ def test_a_killed_run_goes_on_to_the_same_bits(ranks: int, runs: Path, tmp_path:
     assert one == other and len(one.splitlines()) == 2 + 31
 
 
+@pytest.mark.slow
 def test_a_rough_fault_under_a_tensor_is_the_same_on_2_ranks(tmp_path: Path) -> None:
     height = {
         "kind": "self_affine_surface", "rms": 1e-4, "hurst": 0.7, "length": 16e-3, "longest": 8e-3, "shortest": 3e-3,

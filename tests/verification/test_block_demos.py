@@ -85,6 +85,7 @@ def test_stress_between_the_fronts_is_compared_by_means() -> None:
     assert thesis_block.relaxation(onset) == pytest.approx(8.4 / 18, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_an_evenly_pressed_block_slips_first_at_its_left_corner() -> None:
     """Printed: -95 mm. The next points slip later the farther they are: a front, which accelerates."""
     even = thesis_block.onset(block("mesh.element_size=5e-3", "mesh.chamfer=5e-3", even=True), fem.MPI.COMM_SELF)

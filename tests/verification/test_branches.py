@@ -190,6 +190,7 @@ def slip_times(element_size: float) -> dict[str, np.ndarray]:
     return {fault.name: np.interp(stations, fault.interface.position, found[fault.name]) for fault in model.faults}
 
 
+@pytest.mark.slow
 def test_fronts_of_the_demo_go_on_along_both_and_converge() -> None:
     """Below the Rayleigh speed, 3.18 km/s, on the fault and the branch; 1000 m against 500 m: 0.1 s."""
     coarse, fine = slip_times(1000.0), slip_times(500.0)

@@ -25,7 +25,9 @@ LENGTH, WIDTH, STRENGTH = 2e-3, 1e-3, 4e6
 END = 4 * LENGTH * STRENGTH / YOUNG  # opening at failure: softer than the bar, which is stable
 
 
-@pytest.mark.parametrize(("way", "kind"), [("extrinsic", "linear"), ("extrinsic", "munjiza"), ("intrinsic", "linear")])
+@pytest.mark.parametrize(("way", "kind"), [
+    ("extrinsic", "linear"), ("extrinsic", "munjiza"), pytest.param("intrinsic", "linear", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_a_short_bar_is_torn_along_its_law(way: str, kind: str) -> None:
     """Force over displacement, and the work to failure.
 
@@ -153,7 +155,7 @@ def test_an_orthotropic_patch_has_its_strain_energy(compensate: bool, plane: str
         assert 0.5 * float(force @ u) == pytest.approx(expected, rel=3e-3)
 
 
-@pytest.mark.parametrize("way", ["extrinsic", "intrinsic"])
+@pytest.mark.parametrize("way", [pytest.param("extrinsic", marks=pytest.mark.slow), "intrinsic"])
 def test_a_crack_of_an_orthotropic_body_takes_its_fracture_energy(way: str) -> None:
     """Two blocks are torn apart along the facets between them, far enough; damping stills the rest."""
     width, energy = 4e-3, 20.0

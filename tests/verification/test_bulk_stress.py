@@ -119,13 +119,18 @@ def test_uneven_pressure_is_that_of_the_interface_everywhere_across_it(tmp_path:
     assert [offset for _, _, offset in found] == pytest.approx([12e3, -72e3], rel=1e-9)
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain", "antiplane", "solid"])
-@pytest.mark.parametrize("shear", [0.0, 0.3])
-@pytest.mark.parametrize("upper", [
-    {"kind": "isotropic_elastic", "young_modulus": 2e10, "poisson_ratio": 0.2, "density": 2000.0},
-    {"kind": "orthotropic_elastic", "E_1": 8e10, "E_2": 9e9, "nu_12": 0.25, "nu_23": 0.4, "G_12": 3.6e9, "angle": 0.4,
-     "density": 1500.0},
-], ids=["isotropic", "orthotropic"])  # fmt: skip
+UPPER = {
+    "isotropic": {"kind": "isotropic_elastic", "young_modulus": 2e10, "poisson_ratio": 0.2, "density": 2000.0},
+    "orthotropic": {"kind": "orthotropic_elastic", "E_1": 8e10, "E_2": 9e9, "nu_12": 0.25, "nu_23": 0.4, "G_12": 3.6e9,
+                    "angle": 0.4, "density": 1500.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("upper, shear, plane", [
+    pytest.param(upper, shear, plane, id=f"{name}-{shear}-{plane}",
+                 marks=[pytest.mark.slow] * (name == "orthotropic" and plane == "solid"))
+    for name, upper in UPPER.items() for shear in (0.0, 0.3) for plane in ("stress", "strain", "antiplane", "solid")
+])  # fmt: skip
 def test_stress_of_the_kernel_is_that_of_the_form(plane: str, shear: float, upper: dict[str, Any]) -> None:
     """On elements of unequal size, and of unequal materials: the same sums at the nodes."""
     table: dict[str, Any] = {

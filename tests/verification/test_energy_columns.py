@@ -128,11 +128,13 @@ def test_waves_of_a_sudden_stress_drop(stepper: dict[str, Any], contact: dict[st
         assert late[name] == pytest.approx(RHO * (rate / 2) ** 2 / 2 * 2 * HEIGHT * LENGTH, rel=0.05)
 
 
-@pytest.mark.parametrize("stepper", [LEAPFROG, AVERAGE], ids=lambda stepper: stepper["kind"])
-@pytest.mark.parametrize("damping", [
-    {"mass": 4e4}, {"kelvin_voigt": {"eta": 1e-7, "thickness": 1.0}},
-    {"kelvin_voigt": {"eta": 1e-7, "bodies": ["upper", "lower"]}},
-], ids=["mass", "thickness", "bodies"])  # fmt: skip
+@pytest.mark.parametrize("damping, stepper", [
+    pytest.param(damping, stepper, id=f"{name}-{stepper['kind']}", marks=[pytest.mark.slow] * (stepper is slow))
+    for stepper in (LEAPFROG, AVERAGE) for name, damping, slow in (
+        ("mass", {"mass": 4e4}, None), ("thickness", {"kelvin_voigt": {"eta": 1e-7, "thickness": 1.0}}, AVERAGE),
+        ("bodies", {"kelvin_voigt": {"eta": 1e-7, "bodies": ["upper", "lower"]}}, None),
+    )
+])  # fmt: skip
 def test_damping_of_a_mode(stepper: dict[str, Any], damping: dict[str, Any]) -> None:
     """Glued plates with free ends: u = A cos(pi y / 2 H), omega = pi c / 2 H. Mass damping a makes it decay with
     exp(-a t / 2), viscosity eta with exp(-eta omega^2 t / 2), its energy twice as fast; all of that is `damping`."""

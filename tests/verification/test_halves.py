@@ -89,7 +89,9 @@ def plate(symmetry: str) -> Pair:
 PAIRS = {"box": box, "antisymmetric": lambda: plate("antisymmetric"), "symmetric": lambda: plate("symmetric")}
 
 
-@pytest.fixture(scope="module", params=PAIRS)
+@pytest.fixture(scope="module", params=[
+    pytest.param(name, marks=() if name == "antisymmetric" else pytest.mark.slow) for name in PAIRS
+])  # fmt: skip
 def runs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pair, Path]:
     pair, folder = PAIRS[request.param](), tmp_path_factory.mktemp(request.param)
     for name, table in pair._asdict().items():

@@ -69,6 +69,7 @@ def test_thin_plates_approach_plane_stress() -> None:
     assert of_strain > 0.02
 
 
+@pytest.mark.slow
 def test_the_demo_compares_tips_and_slip_rates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The script on elements of 5 mm: a plate has the tip of plane stress, 2150 m/s, not that of plane strain, 2500."""
     monkeypatch.setattr(sys, "argv", ["impact_3d.py", "5 mm"])

@@ -26,6 +26,7 @@ from ruptfx.stepping.steppers.generalized_alpha import GeneralizedAlphaMotion
 pytestmark = pytest.mark.fem
 
 
+RIGID = {"kind": "augmented_lagrangian"}
 TIED = {"boundaries": [
     {"kind": "periodic", "first": "upper.left", "second": "upper.right"},
     {"kind": "periodic", "first": "lower.left", "second": "lower.right"},
@@ -35,10 +36,10 @@ TIED = {"boundaries": [
 
 
 @pytest.mark.parametrize("changes", [
-    {"faults.main.contact": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}},
-    {"faults.main.contact": {"kind": "augmented_lagrangian"}}, TIED,
-    TIED | {"faults.main.contact": {"kind": "augmented_lagrangian"}},
-], ids=["compliant", "rigid", "periodic", "periodic and rigid"])  # fmt: skip
+    pytest.param({"faults.main.contact": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}}, id="compliant"),
+    pytest.param({"faults.main.contact": RIGID}, id="rigid", marks=pytest.mark.slow), pytest.param(TIED, id="periodic"),
+    pytest.param(TIED | {"faults.main.contact": RIGID}, id="periodic and rigid", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_stopped_run_goes_on_to_the_same_bits(
     changes: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

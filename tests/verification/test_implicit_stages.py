@@ -137,7 +137,7 @@ def test_other_loads_act_at_once() -> None:
 
 @pytest.mark.skipif(COMM.size > 1, reason="compares two runs of one rank")
 @pytest.mark.parametrize("stepper", ["quasi_static", "generalized_alpha", "hybrid"])
-@pytest.mark.parametrize("every", [3, 4])
+@pytest.mark.parametrize("every", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_goes_on_with_the_same_bits(stepper: str, every: int, tmp_path: Path) -> None:
     """From within a stage, and from the step that ends one."""
     held = {**PRESSES, "ramp": 1e-6, "traction": [0.0, -1e6]}

@@ -306,6 +306,7 @@ def test_the_progress_of_a_search_has_its_steps_and_never_decreases(
     assert any(wanted in text for _, text in search) and any("forward  step" in text for _, text in search)
 
 
+@pytest.mark.slow
 def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path, pictures: None) -> None:
     out = tmp_path / "out"
     case = with_unknowns(measured(SHEAR, None), FIELD, iterations=15)
@@ -443,6 +444,7 @@ def stop(process: subprocess.Popen[str]) -> None:
     assert process.returncode == 130 and re.search(r"stopped; \d+ runs are kept, the same command continues", errors)
 
 
+@pytest.mark.slow
 @pytest.mark.faults
 def test_an_inference_on_two_ranks_that_is_stopped_says_what_is_kept(tmp_path: Path) -> None:
     """SIGTERM to the launcher: all ranks end at the next step, with one message and the exit code of a stopped run."""

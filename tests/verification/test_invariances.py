@@ -49,6 +49,10 @@ FEWEST = {"default": (1, 1), "slow": (3, 2)}
 COSTLY = ("gmsh", "branch_3d", "strike_slip_3d", "composite_impact", "seismic_cycles", "fibre_pull_out")
 """Demos that the default selection has no more often than it has to."""
 
+LONG = (("composite_impact", "extruded"), ("slip_sequence", "keys_in_another_order"), ("gmsh", "far_away"),
+        ("stress_barrier", "on_two_ranks"), ("viscoelastic_impact", "exchanged_sides"))  # fmt: skip
+"""Pairs of the default selection that need seconds: they are in the slow one."""
+
 
 def same(run: Run) -> Run:
     """Return the expected numbers of a change without effect."""
@@ -724,7 +728,8 @@ def _pairs() -> list[Any]:
     default, slow = (_selection(pairs, *fewest) for fewest in FEWEST.values())
     result = []
     for pair in pairs:
-        marks = [] if pair in default else [pytest.mark.slow if pair in slow else pytest.mark.pairs]
+        selected = pair in default and pair not in LONG
+        marks = [] if selected else [pytest.mark.slow if pair in {*slow, *LONG} else pytest.mark.pairs]
         result.append(pytest.param(*pair, marks=marks, id="-".join(pair)))
     return result
 

@@ -89,6 +89,7 @@ def test_moved_plates_slip_in_the_same_way(name: str, original: Run, tmp_path: P
     assert not lines, "\n".join(lines)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.skipif(fem.MPI.COMM_WORLD.size > 1, reason="starts MPI jobs itself")
 def test_two_ranks_slip_in_the_same_way(original: Run, tmp_path: Path) -> None:

@@ -125,6 +125,7 @@ def test_uniaxial_strain_of_rock() -> None:
     assert_closed(energies)
 
 
+@pytest.mark.slow
 def test_sheared_block_beyond_yield() -> None:
     """Uniform shear loaded, unloaded and loaded the other way: linear kinematic hardening in closed form."""
     amplitude = np.concatenate([np.linspace(0, 0.05, 11), np.linspace(0.05, -0.05, 21)[1:]])
@@ -151,8 +152,11 @@ def remaining(material: dict[str, Any], t: np.ndarray) -> np.ndarray:
     return 1 - sum(y * -np.expm1(-r * t) for y, r in zip(given.coefficients[1], given.rates, strict=True))
 
 
-@pytest.mark.parametrize("plane", ["strain", "antiplane", "stress"])
-@pytest.mark.parametrize("material", [FLUID, POLYMER, SOLID], ids=lambda each: each["kind"])
+@pytest.mark.parametrize("material, plane", [
+    pytest.param(material, plane, id=f"{material['kind']}-{plane}", marks=() if plane in quick else pytest.mark.slow)
+    for material, quick in ((FLUID, ("strain", "stress")), (POLYMER, ("strain",)), (SOLID, ("stress",)))
+    for plane in ("strain", "antiplane", "stress")
+])  # fmt: skip
 def test_relaxation_at_held_strain(material: dict[str, Any], plane: str) -> None:
     """Shear at once, then held: the traction relaxes as the relaxation function says, in steps of any length."""
     sudden, strain = 1e-9 * TIME, 1e-3
@@ -183,6 +187,12 @@ STEPPERS: dict[str, dict[str, Any]] = {
 }
 
 
+fluid_and_slow_yielding = pytest.mark.parametrize("material", [
+    pytest.param(YIELDING, marks=pytest.mark.slow, id="drucker_prager"), pytest.param(FLUID, id="maxwell"),
+])  # fmt: skip
+"""Both materials; steps of one that yields take seconds."""
+
+
 def pushed(stepper: dict[str, Any], material: dict[str, Any] = YIELDING, **changes: Any) -> Case:
     """Plates whose upper left edge is pushed, so that stress is not uniform and a part of the plates yields."""
     return parse_case(plates({
@@ -208,7 +218,9 @@ def plastic_strain(model: Model, state: Any) -> float:
     return parallel.largest(model.comm, largest)
 
 
-@pytest.mark.parametrize("stepper", STEPPERS)
+@pytest.mark.parametrize("stepper", [
+    pytest.param(name, marks=[pytest.mark.slow] * (name == "quasi_static")) for name in STEPPERS
+])  # fmt: skip
 def test_budget_closes(stepper: str) -> None:
     model, motion, state = steps(pushed(STEPPERS[stepper]))
     values = motion.energies(state)
@@ -217,6 +229,7 @@ def test_budget_closes(stepper: str) -> None:
     assert plastic_strain(model, state) > 1e-5
 
 
+@pytest.mark.slow
 def test_iteration_converges_quadratically() -> None:
     """While plates yield the residual of an iteration is below a multiple of the square of that before it."""
     model = Model(pushed(STEPPERS["quasi_static"], {**YIELDING, "relaxation_time": 1e-9}), COMM)
@@ -243,9 +256,8 @@ def test_elastic_steps_take_one_iteration() -> None:
         assert solution.iterations == 1
 
 
-@pytest.mark.parametrize("material", [
-    pytest.param(YIELDING, marks=pytest.mark.slow, id="drucker_prager"), pytest.param(FLUID, id="maxwell"),
-])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("material", [YIELDING, FLUID], ids=lambda each: each["kind"])
 def test_slow_loading_in_explicit_steps(material: dict[str, Any]) -> None:
     """The plates cross several hundred times during the loading: leapfrog follows the equilibrium."""
     damping = {"damping": {"mass": 2e4}}
@@ -261,7 +273,7 @@ def test_slow_loading_in_explicit_steps(material: dict[str, Any]) -> None:
         assert apart < 5e-3 * size, name
 
 
-@pytest.mark.parametrize("material", [YIELDING, FLUID], ids=lambda each: each["kind"])
+@fluid_and_slow_yielding
 def test_implicit_waves_are_those_of_explicit_steps(material: dict[str, Any]) -> None:
     """A blow on the plates: average acceleration in small steps converges to leapfrog with the square of the step."""
     fast = {**material, "relaxation_time": 2e-6}
@@ -297,7 +309,9 @@ def test_the_same_on_any_ranks(stepper: str) -> None:
         np.testing.assert_allclose(here, alone, rtol=1e-8, atol=1e-10 * np.abs(alone).max())
 
 
-@pytest.mark.parametrize("stepper", STEPPERS)
+@pytest.mark.parametrize("stepper", [
+    pytest.param(name, marks=[pytest.mark.slow] * (name == "generalized_alpha")) for name in STEPPERS
+])  # fmt: skip
 def test_resumed_bitwise(stepper: str, shared_tmp_path: Path) -> None:
     chosen = copy.deepcopy(STEPPERS[stepper])
     if COMM.size > 1:  # factorisations of several ranks at once differ by rounding from run to run
@@ -432,7 +446,7 @@ def blown(material: dict[str, Any], stepper: str, cell: dict[str, Any], edge: st
 
 
 @pytest.mark.parametrize("stepper", STEPS)
-@pytest.mark.parametrize("material", [YIELDING, FLUID], ids=lambda each: each["kind"])
+@fluid_and_slow_yielding
 def test_a_free_edge_carries_nothing(material: dict[str, Any], stepper: str) -> None:
     """Waves pass the upper edge: elastic and inelastic forces and inertia of its nodes are in balance at every time."""
     step = STEPS[stepper]["time_step"]
@@ -456,7 +470,7 @@ def test_force_times_velocity_is_the_work(material: dict[str, Any]) -> None:
     assert energies["material_dissipation"] > 0.01 * energies["boundary_work"]
 
 
-@pytest.mark.parametrize("material", [YIELDING, FLUID], ids=lambda each: each["kind"])
+@fluid_and_slow_yielding
 def test_receivers_measure_the_same_stress_in_implicit_steps(material: dict[str, Any]) -> None:
     """Both agree to 2 % of the amplitude; that of an elastic body under the same blow is more than 10 % off."""
     gauge = {**GAUGE, "interval": 2e-7, "point": [2.3e-3, 1.1e-3]}
@@ -473,7 +487,9 @@ def test_receivers_measure_the_same_stress_in_implicit_steps(material: dict[str,
 @pytest.mark.parametrize("instrument", [
     {"kind": "load_cell", "edge": "lower.bottom"}, {"kind": "receiver", "point": [2e-3, 2e-3], "fields": ["stress"]},
 ], ids=lambda each: each["kind"])  # fmt: skip
-@pytest.mark.parametrize("stepper", STEPS)
+@pytest.mark.parametrize("stepper", [
+    pytest.param(name, marks=() if name == "leapfrog" else pytest.mark.slow) for name in STEPS
+])  # fmt: skip
 def test_readings_are_the_same_on_any_ranks(stepper: str, instrument: dict[str, Any]) -> None:
     """The receiver is at a corner of four elements, which ranks may share."""
     given = blown(YIELDING, stepper, {**instrument, "name": "one", "interval": 4e-7, "bandwidth": 2e6})

@@ -202,6 +202,7 @@ def test_hover_click_and_toggle(page, tmp_path):
     visit(page, tmp_path / "profile", act, READY)
 
 
+@pytest.mark.slow
 @browser
 def test_names_are_shown_as_they_are(tmp_path):
     out = tmp_path / "-m[bold]x <b>"

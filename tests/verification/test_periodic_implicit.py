@@ -74,7 +74,10 @@ STEPPERS = [
 PARTS = [*product([WEAKENS, AGES], [COMPLIANT, RIGID], STEPPERS), (AGES, COMPLIANT, {"kind": "quasi_dynamic"})]
 
 
-@pytest.mark.parametrize("law, contact, stepper", PARTS, ids=lambda part: part["kind"])
+# A law with a state takes longest where the contact is rigid.
+@pytest.mark.parametrize("law, contact, stepper", [
+    pytest.param(*part, marks=[pytest.mark.slow] * (part[:2] == (AGES, RIGID))) for part in PARTS
+], ids=lambda part: part["kind"])  # fmt: skip
 def test_a_layer_slips_as_a_column_of_one_element(
     law: dict[str, Any], contact: dict[str, Any], stepper: dict[str, Any]
 ) -> None:

@@ -73,7 +73,11 @@ def pressed(material: dict[str, Any], mesh: Given, supports: list[dict[str, Any]
     [
         (METAL, 2 / np.sqrt(3) * YIELD),
         (ROCK, 2 * (COHESION * np.cos(ANGLE) + PRESSURE * np.sin(ANGLE)) / (1 - np.sin(ANGLE))),
-        (COULOMB, 2 * (COHESION * np.cos(ANGLE) + PRESSURE * np.sin(ANGLE)) / (1 - np.sin(ANGLE))),
+        pytest.param(
+            COULOMB,
+            2 * (COHESION * np.cos(ANGLE) + PRESSURE * np.sin(ANGLE)) / (1 - np.sin(ANGLE)),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=lambda each: each["kind"] if isinstance(each, dict) else "",
 )
@@ -86,6 +90,7 @@ def test_a_block_between_free_sides(material: dict[str, Any], limit: float) -> N
     assert loads[-1] == pytest.approx(limit, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_punch() -> None:
     """The pressure under a stiff rough punch on a deep body of a metal ends at (2 + pi) Y / sqrt(3).
 

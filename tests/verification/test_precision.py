@@ -62,6 +62,8 @@ CASES: dict[str, dict[str, Any]] = {
     "memory": plates({**PUSHED, "materials": MEMORY}),
     "solid": strike_slip(),
 }  # fmt: skip
+LONG = ("order 7", "varying", "axisymmetric", "antiplane")
+"""Cases that take seconds."""
 
 
 def case_of(tables: dict[str, Any], changes: dict[str, Any] | None = None) -> Case:
@@ -84,7 +86,7 @@ def both(tables: dict[str, Any]) -> tuple[Any, Any]:
     return result[0], result[1]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in CASES])
 def test_steps_are_those_in_double_precision(name: str) -> None:
     (double, expected), (single, energies) = both(CASES[name])
     for field in ("displacement", "velocity"):
@@ -139,6 +141,7 @@ def test_a_resumed_run_is_bitwise_identical(tmp_path: Path) -> None:
         np.testing.assert_array_equal(whole[name].values, resumed[name].values)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.skipif(fem.MPI.COMM_WORLD.size > 1, reason="starts MPI jobs itself")
 def test_two_ranks_agree_to_rounding(tmp_path: Path) -> None:

@@ -86,7 +86,9 @@ def test_every_stepper_slips_as_prescribed(stepper: str, contact: dict[str, Any]
         assert abs(missing) < closure * stored
 
 
-@pytest.mark.parametrize("plane, modulus", [("strain", 30e9 / 0.75), ("antiplane", 30e9)])
+@pytest.mark.parametrize("plane, modulus", [
+    pytest.param("strain", 30e9 / 0.75, marks=pytest.mark.slow), ("antiplane", 30e9),
+])  # fmt: skip
 def test_traction_of_static_slip(plane: str, modulus: float) -> None:
     """Slip s (1 - x^2 / a^2)^(3/2) in a whole space changes the traction by -3 mu* s / (2 a) (1/2 - x^2 / a^2).
 

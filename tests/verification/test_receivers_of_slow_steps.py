@@ -123,6 +123,7 @@ def motion_of(path: Path, point: list[float]) -> np.ndarray:
         return np.array([receivers.displacement(t, s)[0] for t, s in zip(data["time"].values, slip, strict=True)])
 
 
+@pytest.mark.slow
 def test_stations_off_a_dipping_fault_move_up_and_over_it(tmp_path: Path) -> None:
     """Of a thrust that dips to the right, the plus side is the hanging wall, and x is away from the fault there."""
     case = dipping(60.0, 1.0, 4e3, 0.05)
@@ -137,6 +138,7 @@ def test_stations_off_a_dipping_fault_move_up_and_over_it(tmp_path: Path) -> Non
         np.testing.assert_allclose(columns, moved * [1, -1], rtol=0, atol=1e-5 * np.abs(moved).max())
 
 
+@pytest.mark.slow
 def test_export_of_stations_off_the_fault(tmp_path: Path) -> None:
     """Names, columns and numbers of the files, and refusals; the point beside the fault moves by half of its slip."""
     simulate(faulted({"duration": 12.0, "output": {"figures": False, "interface_steps": 4}}), out=tmp_path / "run")

@@ -192,6 +192,7 @@ def test_bands_of_a_surface_hold_as_much_as_they_say() -> None:
         assert 0.64 < np.mean(np.abs(values) < band) < 0.72
 
 
+@pytest.mark.slow
 def test_slip_of_a_surface_is_reconstructed_within_its_deviation(tmp_path: Path) -> None:
     """By the command: two components of slip, maps at chosen times, tractions of runs, and the refusals of lines."""
     case, slip_rate, _, twin = solid_experiment()
@@ -436,6 +437,7 @@ def test_modes_leave_out_a_part_of_the_variance() -> None:
     assert 1 - 2e-4 < np.mean(less.deviation() ** 2) / 4.0 < 1
 
 
+@pytest.mark.slow
 def test_lengths_of_the_prior_maximise_the_likelihood() -> None:
     random = np.random.default_rng(3)
     position, times = np.linspace(0, 10, 20), np.arange(1.0, 31.0)
@@ -603,7 +605,8 @@ def test_clocks_and_offsets_are_unknowns() -> None:
     assert plain.misfits[1] > 2 * made.misfits[1]
 
 
-@pytest.mark.parametrize("solid", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("solid", [False, True])
 def test_two_ranks_give_the_same(tmp_path: Path, solid: bool) -> None:
     case = solid_experiment()[0] if solid else experiment()[0]
     (tmp_path / "case.toml").write_text(tomli_w.dumps(case.table()))

@@ -113,7 +113,9 @@ def test_a_spinning_bar_breaks_if_its_strength_is_below_the_largest_stress(part:
         assert np.abs(momentum(model, state) - before).max() < 1e-12 * np.abs(model.mass * state.velocity).sum()
 
 
-@pytest.mark.parametrize("kind, steps, step", [("intrinsic", 17000, 1e-8), ("extrinsic", 4000, 5e-8)])
+@pytest.mark.parametrize("kind, steps, step", [
+    pytest.param("intrinsic", 17000, 1e-8, marks=pytest.mark.slow), ("extrinsic", 4000, 5e-8),
+])  # fmt: skip
 def test_pieces_do_not_fold_about_one_end_of_a_facet(kind: str, steps: int, step: float) -> None:
     """An end that had not failed was a hinge: where its sides were opposite, energy grew by eight orders."""
     weak = {"kind": "linear", "f_t": 0.95 * axial_stress(spinning()[0]).max(), "c": 3 * PEAK, "G_Ic": 1.0, "G_IIc": 3.0}

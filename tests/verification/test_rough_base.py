@@ -165,8 +165,13 @@ def solid(changes: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     "kind, contact",
-    [("quasi_static", SPRINGS), ("generalized_alpha", SPRINGS), ("quasi_static", {"kind": "augmented_lagrangian"})],
-    ids=["quasi_static", "generalized_alpha", "quasi_static, rigid"],
+    [
+        pytest.param("quasi_static", SPRINGS, id="quasi_static"),
+        pytest.param("generalized_alpha", SPRINGS, id="generalized_alpha"),
+        pytest.param(
+            "quasi_static", {"kind": "augmented_lagrangian"}, id="quasi_static, rigid", marks=pytest.mark.slow
+        ),
+    ],
 )
 def test_implicit_steps_of_a_solid(kind: str, contact: dict[str, Any]) -> None:
     """The base carries the load of 20 MPa on 0.24 mm2; where it slides, friction is 0.3 of it along the slip rate."""
@@ -189,7 +194,8 @@ def test_implicit_steps_of_a_solid(kind: str, contact: dict[str, Any]) -> None:
         np.testing.assert_allclose(overlap[pressure > 0], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("make", [block, pytest.param(solid, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [block, solid])
 def test_ranks_and_a_restart(make: Callable[..., dict[str, Any]], tmp_path: Path) -> None:
     """2 ranks: the same fields to rounding; a run that goes on from a checkpoint: the same bits."""
     path = tmp_path / "case.toml"

@@ -16,6 +16,7 @@ from ruptfx.run.model import Model
 pytestmark = pytest.mark.fem
 
 
+@pytest.mark.slow
 def test_hertz_between_different_meshes() -> None:
     """A cylinder on a plane, 4 elements on 3, pressed and damped to rest: within 2 % of the closed form for its force.
 

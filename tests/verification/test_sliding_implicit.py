@@ -181,6 +181,7 @@ def bump(changes: dict[str, Any]) -> dict[str, Any]:
     }, changes)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_hertz_between_different_meshes() -> None:
     """Pressed in five steps: within 2 % of the closed form for its force (Johnson 1985, section 4.2)."""
     model, motion, state = started(bump({"stepper": {"kind": "quasi_static", "largest_step": 0.2, "first_step": 0.2}}))
@@ -435,6 +436,7 @@ def test_a_force_closes_a_gap(contact: str) -> None:
     assert len(crests) > 1 and np.abs(crests - np.round(crests)).max() < 0.1
 
 
+@pytest.mark.slow
 def test_slow_and_fast() -> None:
     """Pressed and sheared in equilibrium, a rupture in explicit steps when that ends, then slow sliding again."""
     model, motion, state = started(rough({
@@ -593,6 +595,7 @@ def test_one_asperity_down_and_up() -> None:
     assert abs(energy["impact_loss"]) < 0.01 * energy["frictional_dissipation"]
 
 
+@pytest.mark.slow
 def test_same_on_two_ranks(case_file: Path, alone: Path) -> None:
     out = run_on(2, case_file, case_file.parent / "on_2", limit=240)
     assert max(largest_difference(alone, out).values()) < 1e-9

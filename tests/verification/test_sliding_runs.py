@@ -112,7 +112,7 @@ def test_what_creeps_sticks() -> None:
     np.testing.assert_array_equal(found[:-1] == 2, np.abs(state["mean_slip_rate"][:-1]) > 1e-3)
 
 
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_same_on_any_number_of_ranks(ranks: int, case_file: Path, alone: Path) -> None:
     """All ranks that own a part of the interface compute all its points, from the same bits."""
     out = run_on(ranks, case_file, case_file.parent / f"on_{ranks}")

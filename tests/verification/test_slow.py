@@ -84,7 +84,10 @@ def growth(stiffness: float, contact: dict[str, Any]) -> float:
     return float(np.log(after / before) / (second - first) * D_C / V)
 
 
-@pytest.mark.parametrize("contact", [STIFF, {"kind": "augmented_lagrangian"}], ids=["compliant", "rigid"])
+@pytest.mark.parametrize("contact", [
+    pytest.param(STIFF, id="compliant"),
+    pytest.param({"kind": "augmented_lagrangian"}, id="rigid", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_stability_at_the_critical_stiffness(contact: dict[str, Any]) -> None:
     """Oscillations grow below k_c = sigma (b - a) / D_c and decay above; the compliance 1 / C_s is 5e-4 of 1 / k_c.
 
@@ -287,6 +290,7 @@ def test_hybrid_goes_on_from_a_checkpoint(
     assert max(largest_difference(whole, tmp_path / "run").values()) == 0
 
 
+@pytest.mark.slow
 def test_hybrid_on_two_ranks(tmp_path: Path) -> None:
     """Through a first event; the time steps are chosen alike, and the switches are at the same steps."""
     (tmp_path / "case.toml").write_text(tomli_w.dumps(hybrid({"duration": 300.0})))

@@ -69,6 +69,7 @@ def test_a_tough_joint_opens_in_equilibrium() -> None:
     assert max(run.open) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_brittle_joint_fails_at_its_strength_and_sends_waves() -> None:
     """Softening is steeper than the bar: it is loaded without waves to strength times area, and fails dynamically."""
     toughness = 0.5
@@ -105,6 +106,7 @@ def test_the_fastest_facet_yields_or_slides_under_pressure() -> None:
     assert facets.step_error(state, reaction) == pytest.approx(0.5)  # a tenth is allowed
 
 
+@pytest.mark.slow
 def test_equilibrium_alone_ends_where_the_brittle_joint_fails() -> None:
     run = Pulled(joined_bar(SLOW, 0.5, 1e-3))
     with pytest.raises(ConvergenceError, match="hybrid"):

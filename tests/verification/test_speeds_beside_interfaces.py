@@ -123,6 +123,7 @@ def test_antiplane_waves_along_the_interface_and_shear_across_it(angle):
     np.testing.assert_allclose(sides.modulus, across, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_surface_has_moduli_and_waves_in_two_directions():
     """Fibres along x, the strike: slip along it shears 1 and 2, slip down dip 2 and 3; SH waves travel down dip with
     G_23, and along strike the slower ones with G_12 = G_13."""
@@ -185,6 +186,7 @@ def front(speed, changes):
     return table
 
 
+@pytest.mark.slow
 def test_the_regime_is_that_of_the_bodies_at_the_interface(tmp_path):
     """A front at 1000 m/s between plates with c_s = 1255 m/s; soft strips 12 mm away, with c_s = 545 m/s."""
     strips = {"young_modulus": layers("y", [-12e-3, 12e-3], [1e9, 5.3e9, 1e9])}

@@ -167,7 +167,10 @@ def test_all_interfaces_see_one_stress() -> None:
     assert BulkFields(model).initial_stress.at(np.zeros((1, 2)))[0] == pytest.approx([SIX[0], SIX[1], SIX[3]])
 
 
-@pytest.mark.parametrize("material", [ELASTIC, YIELDING, METAL], ids=["elastic", "yielding", "metal"])
+@pytest.mark.parametrize("material", [
+    pytest.param(ELASTIC, id="elastic"), pytest.param(YIELDING, id="yielding"),
+    pytest.param(METAL, id="metal", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_bodies_stay_at_rest(material: Table) -> None:
     case = parse_case(table({"materials.default": material}))
     model = Model(case)
@@ -255,6 +258,7 @@ def test_a_stress_that_does_not_fit_the_bodies_is_refused(changes: Table, messag
         Model(parse_case(table(changes)))
 
 
+@pytest.mark.slow
 def test_metals_may_start_without_stress() -> None:
     """They take the stress of the bodies where there is one; `check` then says how near to yield it is."""
     given = section({"initial_stress.tensor": SIX, "materials.default": METAL})

@@ -340,6 +340,7 @@ def test_check_says_wavenumbers_and_memory() -> None:
     assert near.value == 3.0 and near.verdict == "warning"  # 4 m down dip
 
 
+@pytest.mark.slow
 def test_refuses_a_material_whose_strains_along_z_and_across_it_are_coupled(monkeypatch: pytest.MonkeyPatch) -> None:
     """An orthotropic one has the axis z; the same with a stiffness between yy and yz has not."""
     wood = OrthotropicElastic(E_1=12e9, E_2=1e9, nu_12=0.3, nu_23=0.3, G_12=0.8e9, density=600.0, angle=0.5)

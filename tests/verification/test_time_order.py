@@ -41,7 +41,7 @@ def test_second_order(name: str, kind: str) -> None:
 @pytest.mark.parametrize("name, stepper", [
     ("rate_and_state_ageing", {"kind": "generalized_alpha", "scheme": "average_acceleration"}),
     ("prakash_clifton", {"kind": "generalized_alpha", "scheme": "average_acceleration"}),
-    ("rate_and_state_ageing", {"kind": "petsc_ts"}),
+    pytest.param("rate_and_state_ageing", {"kind": "petsc_ts"}, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_implicit_friction_is_of_second_order(name: str, stepper: dict[str, Any]) -> None:
     """Where it slides, too; the normal stress still rings with what the steps do not resolve."""
@@ -49,7 +49,10 @@ def test_implicit_friction_is_of_second_order(name: str, stepper: dict[str, Any]
     assert min(order for field, order in found.items() if field != "normal_stress") > 1.9, found
 
 
-@pytest.mark.parametrize("contact", [CONTACTS["compliant"], {"kind": "augmented_lagrangian"}], ids=lambda c: c["kind"])
+@pytest.mark.parametrize("contact", [
+    pytest.param(CONTACTS["compliant"], id="compliant"),
+    pytest.param({"kind": "augmented_lagrangian"}, id="augmented_lagrangian", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_quasi_static_friction_is_of_second_order(contact: dict[str, Any]) -> None:
     """Plates dragged ever faster over each other, with steps of one size."""
     duration, runs = 4.0, []
