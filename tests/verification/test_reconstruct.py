@@ -37,6 +37,7 @@ from ruptfx.many_runs.reconstruction.figures import (
     front,
 )
 from ruptfx.many_runs.reconstruction.geometry import Geometry
+from ruptfx.many_runs.reconstruction.law_fit import LawFit
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest, stretched
 from ruptfx.many_runs.reconstruction.result import Curves, Reconstruction, Surface
 from ruptfx.many_runs.reconstruction.twin import Knots, Tractions, Twin
@@ -826,6 +827,11 @@ def test_figures_show_the_numbers() -> None:
     curve = next(line for line in traction.lines if line.get_label() == "mean")
     np.testing.assert_allclose(curve.get_ydata(), np.abs(made.curves.shear_traction[0, :, place]))
     assert len(others) == 2 * len(made.places) - 1
+    law = LawFit("coulomb", {}, {}, {}, [], 1.0, 0.0, 10, np.array([place]), np.full((10, 1), 0.5))
+    (legend,) = draw_friction(made).legends
+    assert [text.get_text() for text in legend.texts] == ["mean", "intervals of 68 %"]
+    (legend,) = draw_friction(replace(made, law=law)).legends
+    assert [text.get_text() for text in legend.texts][-1] == "coulomb, fitted, while it slides"
     assert all(2.0 <= made.position[each] <= 8.0 for each in made.places[1:-1])
 
 

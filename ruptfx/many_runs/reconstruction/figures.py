@@ -167,18 +167,20 @@ def draw_friction(made: Reconstruction) -> Figure:
             mean, deviation = values[0, :, place] / scaled, curves.deviation(values)[:, place] / scaled
             across = made.slip_deviation[bars, place] / slip_size
             ax.errorbar(slip[bars], mean[bars], deviation[bars], across, fmt="none",
-                        ecolor=STICK_SLIP, elinewidth=0.6, alpha=0.6, label="68 %")  # fmt: skip
+                        ecolor=STICK_SLIP, elinewidth=0.6, alpha=0.6, label="intervals of 68 %")  # fmt: skip
             ax.plot(slip, mean, color=STICK_SLIP, label="mean")
         if made.law is not None and place in made.law.points:
             fitted = made.law.friction[:, int(np.flatnonzero(made.law.points == place)[0])]
-            axes[1, column].plot(slip, fitted, color=GUIDE, ls="--", label=made.law.kind)
-        axes[0, column].set_title(made.place(place), fontsize=7)
+            axes[1, column].plot(slip, fitted, color=GUIDE, ls="--",
+                                 label=f"{made.law.kind}, fitted, while it slides")  # fmt: skip
+        axes[0, column].set_title(f"at {made.place(place)}", fontsize=7)
         axes[1, column].set_xlabel(f"Slip ({slip_unit})")
     axes[0, 0].set_ylabel(f"Shear traction ({unit})")
     axes[1, 0].set_ylabel("Friction")
     letter(axes[:, 0])
-    law = "" if made.law is None else f" Dashed: {made.law.kind} with the fitted parameters while it slides."
-    remark(figure, f"Bars: 68 %. Friction is shear traction over normal stress.{law}")
+    lines = {text: line for ax in axes.ravel() for line, text in zip(*ax.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(lines.values()), list(lines), loc="outside upper right", ncols=len(lines))
+    remark(figure, "Friction is shear traction over normal stress.")
     return figure
 
 
