@@ -12,6 +12,7 @@ from collections import Counter
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from fractions import Fraction
 
+YEAR = 31557600.0  # s, Julian
 _PREFIXES = {
     "n": Fraction(1, 10**9), "u": Fraction(1, 10**6), "µ": Fraction(1, 10**6), "μ": Fraction(1, 10**6),
     "m": Fraction(1, 1000), "c": Fraction(1, 100), "k": Fraction(1000), "M": Fraction(10**6), "G": Fraction(10**9),
@@ -25,7 +26,7 @@ _SYMBOLS: dict[str, tuple[Fraction, dict[str, int]]] = {
     "min": (Fraction(60), {"s": 1}),
     "h": (Fraction(3600), {"s": 1}),
     "d": (Fraction(86400), {"s": 1}),
-    "yr": (Fraction(31557600), {"s": 1}),  # Julian
+    "yr": (Fraction(YEAR), {"s": 1}),  # Julian
     "Hz": (Fraction(1), {"s": -1}),
     "N": (Fraction(1), {"kg": 1, "m": 1, "s": -2}),
     "Pa": (Fraction(1), {"kg": 1, "m": -1, "s": -2}),
@@ -163,6 +164,8 @@ def _symbol(name: str) -> tuple[Fraction, dict[str, int]]:
 def with_prefix(value: float, unit: str, digits: int = 3) -> str:
     """Return a number with its unit and the prefix that leaves one to three digits before the point: "31.7 us".
 
+    Times of more than ten years are in years: "163 yr".
+
     Parameters
     ----------
     unit : str
@@ -172,6 +175,9 @@ def with_prefix(value: float, unit: str, digits: int = 3) -> str:
     """
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}"
+    if unit == "s" and abs(value) > 10 * YEAR:
+        years = value / YEAR
+        return f"{years:.{max(digits, len(str(int(abs(years)))))}g} yr"
     rounded = float(f"{value:.{digits - 1}e}")
     power = min(max(math.floor(math.log10(abs(rounded)) / 3), -3), 3 if unit != "s" else 0)
     scaled = rounded / 1000.0**power

@@ -15,6 +15,10 @@ UNITS_OF_FRACTURE = {
 UNITS_OF_SURFACES = {
     "moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s", "stress_drop": "Pa", "radiated_energy": "J",
 }  # fmt: skip
+UNITS_OF_EVENTS = {
+    "shortest_event_interval": "s", "longest_event_interval": "s", "largest_event_time": "s",
+    "largest_event_slip": "m", "largest_event_stress_drop": "Pa", "largest_event_front_speed": "m/s",
+}  # fmt: skip
 UNITS = {
     "tip_speed": "m/s",
     "tip_speed_error": "m/s",
@@ -29,6 +33,7 @@ UNITS = {
     "healing_time": "s",
     **UNITS_OF_FRACTURE,
     **UNITS_OF_SURFACES,
+    **UNITS_OF_EVENTS,
 }  # units of the summary; every other entry is a name or a pure number
 
 DESCRIPTIONS = {
@@ -70,14 +75,30 @@ DESCRIPTIONS = {
     "peak_slip_rate": "Largest slip rate of all points, records and interfaces.",
     "max_slip": "Largest slip of all interfaces.",
     "max_opening": "Largest opening of all interfaces.",
-    "moment": "Seismic moment: shear modulus times slip, integrated over all surfaces; beside two bodies the harmonic "
-    "mean of their moduli (Wu and Chen 2003).",
-    "moment_magnitude": "Its moment magnitude (Hanks and Kanamori 1979).",
+    "slip_events": "Only where the record has several: number of periods in which some point slips faster than 1 mm/s; "
+    "less time between two than a shear wave needs along the interface counts as none.",
+    "slip_events_complete": "Number of those that begin and end within the record, which the magnitudes, slip, "
+    "stress drop and front speed of events are of.",
+    "shortest_event_interval": "Shortest time from the begin of an event, complete or not, to that of the next.",
+    "longest_event_interval": "Longest such time.",
+    "largest_event_time": "Begin of the event with the largest moment, of a line with the largest slip times length.",
+    "largest_event_magnitude": "Moment magnitude of this event; null of a line.",
+    "smallest_event_magnitude": "Smallest moment magnitude of all events; null of a line.",
+    "largest_event_slip": "Largest slip of a point in the largest event.",
+    "largest_event_stress_drop": "Decrease of the shear traction in the largest event, weighted with the slip.",
+    "largest_event_front_speed": "Median speed of the front of the largest event; null where it is not known.",
+    "largest_event_front_missing": "Reason why it is not known.",
+    "moment": "Seismic moment: shear modulus times slip of the whole record, creep included, integrated over all "
+    "surfaces; beside two bodies the harmonic mean of their moduli (Wu and Chen 2003).",
+    "moment_magnitude": "Its moment magnitude (Hanks and Kanamori 1979); null where a surface has several slip "
+    "events: its moment is not that of one.",
     "rupture_area": "Area of all surfaces that ruptured.",
-    "rupture_speed": "Median of one over the gradient of the rupture time, where there is a front; null without one.",
-    "supershear_share": "Share of that part of the surface on which the front is faster than the shear wave beside it.",
+    "rupture_speed": "Median of one over the gradient of the rupture time, where there is a front; null without one, "
+    "and where a surface has several slip events.",
+    "supershear_share": "Share of that part of the surface on which the front is faster than the shear wave beside it; "
+    "null where it has several slip events.",
     "stress_drop": "Fall of the shear traction of all surfaces from the initial one and what nucleations have added, "
-    "weighted with the slip (Noda et al. 2013).",
+    "weighted with the slip (Noda et al. 2013); null where a surface has several slip events.",
     "radiated_energy": "Energy radiated by all surfaces: mean work of the initial and final tractions on the slip, "
     "less what friction and cohesion take; null unless the rupture is over and driven by its initial stress alone.",
     "first_peak_stress": "Of a rectangular specimen, positive in compression: first maximum that is followed by a "

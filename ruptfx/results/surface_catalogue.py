@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
+from ruptfx.results.analysis.interface_events import InterfaceEvent, peak_rates
 from ruptfx.results.analysis.surface import moment
-from ruptfx.results.analysis.surface_events import SurfaceEvent, peak_rates
 from ruptfx.results.figure_style import GUIDE, RATE_MAP, Array, edges, letter, new_figure, remark, scale, styled
 from ruptfx.results.plots.surface_maps import draw
 from ruptfx.results.record import Data
@@ -20,7 +20,7 @@ SLOWEST = 1e-12  # m/s
 
 
 @styled
-def surface_catalogue(data: Data, events: Sequence[SurfaceEvent], threshold: float) -> Figure:
+def surface_catalogue(data: Data, events: Sequence[InterfaceEvent], threshold: float) -> Figure:
     """Draw largest slip rate and moment over time, slip rate along strike at every record, and slip of the last events.
 
     Parameters
@@ -64,7 +64,7 @@ def surface_catalogue(data: Data, events: Sequence[SurfaceEvent], threshold: flo
     return figure
 
 
-def _slip(data: Data, event: SurfaceEvent) -> Array:
+def _slip(data: Data, event: InterfaceEvent) -> Array:
     change = [
         data[f"slip_{tangent}"].isel(time=event.last).values - data[f"slip_{tangent}"].isel(time=event.first).values
         for tangent in (1, 2)
@@ -89,7 +89,7 @@ def _along_strike(ax: Axes, data: Data) -> None:
     ax.set(xlabel=f"Strike ({unit})", ylabel="Record")
 
 
-def _magnitudes(ax: Axes, events: Sequence[SurfaceEvent], size: float, unit: str, end: float) -> None:
+def _magnitudes(ax: Axes, events: Sequence[InterfaceEvent], size: float, unit: str, end: float) -> None:
     """Draw the moment magnitude of the events against time."""
     if events:
         magnitudes = np.array([event.magnitude for event in events])

@@ -8,6 +8,7 @@ from helpers import synthetic
 
 from ruptfx.results.analysis import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES, rupture_origin, summarise
 from ruptfx.results.record import Record
+from ruptfx.results.summary_fields import UNITS_OF_EVENTS
 
 TIME, POSITION = synthetic.times(), synthetic.points()
 
@@ -43,7 +44,7 @@ def test_summary_survives_json(tmp_path):
     found = summary_of(tmp_path, np.zeros((len(TIME), len(POSITION))))
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     assert found["mode"] == "none" and found["tip_speed"] is None and found["max_slip"] == 0
-    of_lines = UNITS.keys() - UNITS_OF_FRACTURE.keys() - UNITS_OF_SURFACES.keys()
+    of_lines = UNITS.keys() - UNITS_OF_FRACTURE.keys() - UNITS_OF_SURFACES.keys() - UNITS_OF_EVENTS.keys()
     assert of_lines <= found.keys() and found["first_sliding"] is None
 
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ruptfx.results.analysis.emission import Estimates
 
 HEADING = "Post-process"
-YEAR = 365.25 * 86400.0  # s
 SHOWN = ("time", "duration", "magnitude", "slip", "stress_drop", "strike", "dip")  # columns of a table in 80 letters
 
 
@@ -121,14 +120,14 @@ def _of_surfaces(run: Path, smallest: float | None, table: Path | None, out: Pat
     """Print the catalogue of every surface of a run, write it, and draw that of the surface with most moment."""
     import pandas
 
-    from ruptfx.results.analysis.surface_events import COLUMNS, DURING, row_of, surface_events
+    from ruptfx.results.analysis.interface_events import COLUMNS, DURING, interface_events, row_of
     from ruptfx.results.figure_style import save
     from ruptfx.results.record import Record
     from ruptfx.results.surface_catalogue import surface_catalogue
 
     rows = []
     with Record(run) as record:
-        catalogues = {name: surface_events(data) for name, data in record.interfaces.items()}
+        catalogues = {name: interface_events(data) for name, data in record.interfaces.items()}
         for name, items in catalogues.items():
             kept = [event for event in items if smallest is None or event.magnitude >= smallest]
             rows += [{"fault": name, **row_of(event)} for event in kept]
@@ -146,10 +145,8 @@ def _of_surfaces(run: Path, smallest: float | None, table: Path | None, out: Pat
 
 
 def _readable(value: float, unit: str) -> str:
-    """Return a number with its unit: times of more than ten years in years, the magnitude alone."""
-    if unit == "s" and value > 10 * YEAR:
-        return f"{value / YEAR:.5g} a"
-    return f"{value:.2f}" if unit == "1" else with_prefix(value, unit)
+    """Return a number with its unit, the magnitude alone."""
+    return f"{value:.2f}" if unit == "1" else with_prefix(value, unit, 5 if unit == "s" else 3)
 
 
 def _of_catalogue(

@@ -8,6 +8,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table
 from ruptfx.results.analysis.energy import budget
+from ruptfx.results.analysis.interface_events import of_events, peak_rates
 from ruptfx.results.analysis.modes import QUIET, Modes, classify
 from ruptfx.results.analysis.resolution import peak_is_resolved
 from ruptfx.results.analysis.surface import (
@@ -136,16 +137,24 @@ def summarise(record: Files) -> Table:
 def _of_interface(record: Files, name: str) -> Table:
     """Return the scalars of one interface."""
     data = record.interfaces[name]
+    events = of_events(
+        data, np.abs(sliding_rate(record, name)).max(axis=1) if "slip_rate" in data else peak_rates(data)
+    )
     try:
-        values = _of_sliding(record, name) if "slip_rate" in data else {}
+        values = _of_sliding(record, name) if "slip_rate" in data and not events else {}
     except RuptfxError as error:  # too few points for a mode; the other scalars remain valid
         values = {"mode": None, "mode_missing": str(error)}
+    if events and "slip_rate" in data:
+        values = {
+            "mode": None,
+            "mode_missing": f"a mode is of one slip event, and the record has {events['slip_events']}",
+        }
     first = data["rupture_time"].values if "rupture_time" in data else np.array([])
     values["first_sliding"] = np.min(first[np.isfinite(first)], initial=np.inf)
     for quantity in LARGEST:
         field = quantity.removeprefix("max_")
         values[quantity] = _largest(data[field]) if field in data else np.nan
-    return values | (of_surface(data) if is_surface(data) else {})
+    return values | (of_surface(data, bool(events)) if is_surface(data) else {}) | events
 
 
 def _of_all(record: Files, each: dict[str, Table]) -> Table:

@@ -17,7 +17,9 @@ AT_REST = 0.05  # of the largest moment rate: less at the end is called a ruptur
 ALIKE = 1e-3  # of the work: difference of the works of two tables whose times are half a step apart
 SPENT = ("frictional_dissipation", "fracture", "impact_loss")  # energies that the surface takes
 WAVES = ("kinetic", "strain", "damping")
-NEIGHBOURS = 49  # points over which rupture times are differentiated: four nodes to all sides, about an element
+AROUND = 4  # nodes to all sides over which rupture times are differentiated, about an element
+NEIGHBOURS = 49  # points of a surface within these
+OF_ONE = ("moment_magnitude", "rupture_speed", "supershear_share", "stress_drop")  # numbers of one rupture
 BLOCK = 20_000  # points at once, for the memory
 
 
@@ -88,9 +90,16 @@ def rupture_time_difference(one: Data, other: Data) -> tuple[float, float]:
     return float(np.sqrt(np.average(apart[both] ** 2, weights=area[both]))), float(np.abs(apart[both]).max())
 
 
+def tangential(data: Data, name: str, row: int) -> np.ndarray:
+    """Return a tangential field at a record, shape (points, 2); of a line shape (points, 1)."""
+    names = [f"{name}_{tangent}" for tangent in (1, 2)] if is_surface(data) else [name]
+    return np.stack([data[each].isel(time=row).values for each in names], axis=1)
+
+
 def magnitude_of(data: Data, name: str, row: int) -> np.ndarray:
-    """Return the length of a tangential field of a surface at a record, shape (points,)."""
-    return np.hypot(*(data[f"{name}_{tangent}"].isel(time=row).values for tangent in (1, 2)))
+    """Return the length of a tangential field at a record of a surface or a line, shape (points,)."""
+    columns = tangential(data, name, row).T
+    return np.hypot(*columns) if len(columns) == 2 else np.abs(columns[0])
 
 
 def all_surfaces(record: Files) -> bool:
@@ -149,23 +158,26 @@ def moment_magnitude(moment: float) -> float:
     return float((np.log10(moment) - 9.1) / 1.5) if moment > 0 else np.nan
 
 
-def rupture_velocity(data: Data) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rupture speed at the points of a surface, and the speed of shear waves in its direction [m/s].
+def rupture_velocity(data: Data, times: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rupture speed at the points of a surface or line, and the shear wave speed in its direction [m/s].
 
     It is one over the gradient of the rupture time in the plane of the points around each: that of the linear function
     with the least squares of differences at the `NEIGHBOURS` nearest points, whose weights fall to zero with the
     distance. NaN where one of these has not ruptured, and where the speed exceeds that of the fastest wave beside the
     point: points that start to slip together, as in a nucleation patch, have no front.
 
+    Parameters
+    ----------
+    times : ndarray, shape (points,)
+        Of arrival [s], NaN where there is none; default: the rupture time.
+
     Returns
     -------
     tuple of ndarray, shapes (points,)
     """
-    names = [axis for axis in "xyz" if axis in data]
-    points = np.stack([data[axis].values for axis in (names if len(names) == 3 else ("position", "dip"))], axis=1)
-    times, strike = data["rupture_time"].values, data["position"].values
+    times, strike = data["rupture_time"].values if times is None else times, data["position"].values
     speeds = wave_speeds(data)
-    gradients = _gradients(points, np.stack([times, strike], axis=1))
+    gradients = _gradients(_points(data), np.stack([times, strike], axis=1))
     slowness = np.linalg.norm(gradients[:, 0], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = 1 / slowness
@@ -176,6 +188,35 @@ def rupture_velocity(data: Data) -> tuple[np.ndarray, np.ndarray]:
         part = np.clip(cosine / np.linalg.norm(gradients[:, 1], axis=1), -1, 1) ** 2
         shear = np.sqrt(part * shear**2 + (1 - part) * data["c_s_dip"].values ** 2)
     return np.where(speed <= speeds["fastest"], speed, np.nan), shear
+
+
+def _points(data: Data) -> np.ndarray:
+    """Return the points of a surface [m], in the plane of their positions where they have no coordinates; of a line."""
+    names = [axis for axis in "xyz" if axis in data]
+    in_plane = [name for name in ("position", "dip") if name in data]
+    return np.stack(
+        [data[name].values for name in (names if is_surface(data) and len(names) == 3 else in_plane)], axis=1
+    )
+
+
+def _neighbours(dimension: int) -> int:
+    """Return the number of points over which rupture times are differentiated."""
+    return NEIGHBOURS if dimension > 1 else 2 * AROUND + 1
+
+
+def neighbourhood(data: Data, arrived: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radius in which `rupture_velocity` differentiates times [m], and whether all points within arrived.
+
+    Parameters
+    ----------
+    arrived : ndarray of bool, shape (points,)
+    """
+    from scipy.spatial import KDTree  # its import would take longer than the start of a run
+
+    points = _points(data)
+    distance, near = KDTree(points).query(points, k=min(_neighbours(points.shape[1]), len(points)))
+    radius = distance[:, -1]
+    return radius, np.all(arrived[near] | (distance >= radius[:, None] * (1 - TOUCH)), axis=1)
 
 
 def _gradients(points: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -192,7 +233,7 @@ def _gradients(points: np.ndarray, values: np.ndarray) -> np.ndarray:
     result, tree = [], KDTree(points)
     for begin in range(0, len(points), BLOCK):
         centre = points[begin : begin + BLOCK]
-        distance, near = tree.query(centre, k=min(NEIGHBOURS, len(points)))
+        distance, near = tree.query(centre, k=min(_neighbours(points.shape[1]), len(points)))
         # Points at the largest distance have no weight: which of several equally far ones these are does not matter.
         weight = np.maximum(1 - (distance / distance[:, -1:]) ** 2, 0.0) ** 2
         weight[weight < TOUCH] = 0.0
@@ -270,20 +311,32 @@ def radiated_energy_of(record: Files) -> float:
     return radiated_energy(surfaces, record.energy) if recorded and not springs else np.nan
 
 
-def of_surface(data: Data) -> Table:
-    """Return the scalars of a rupture on a surface for the summary."""
+def of_surface(data: Data, several: bool = False) -> Table:
+    """Return the scalars of a rupture on a surface for the summary.
+
+    Parameters
+    ----------
+    several : bool
+        Whether the record has several slip events; magnitude, front speed and stress drop are of one, hence NaN.
+    """
     if not data.sizes["time"]:
         return {}
     area, slip, last = data["area"].values, magnitude_of(data, "slip", -1), moment(data)
     ruptured = np.isfinite(data["rupture_time"].values)
-    speed, shear = rupture_velocity(data)
-    front = np.isfinite(speed)
-    return {
+    values = {
         "moment": last,
-        "moment_magnitude": moment_magnitude(last),
         "rupture_area": float(area[ruptured].sum()),
         "max_slip": float(slip.max()),
         "peak_slip_rate": float(np.max(data["peak_slip_rate"].values)),
+    }
+    return values | (dict.fromkeys(OF_ONE, np.nan) if several else _of_rupture(data, area, last))
+
+
+def _of_rupture(data: Data, area: np.ndarray, last: float) -> Table:
+    speed, shear = rupture_velocity(data)
+    front = np.isfinite(speed)
+    return {
+        "moment_magnitude": moment_magnitude(last),
         "rupture_speed": float(np.median(speed[front])) if front.any() else np.nan,
         "supershear_share": float(area[front & (speed > shear)].sum() / area[front].sum()) if front.any() else np.nan,
         "stress_drop": stress_drop(data),
@@ -291,12 +344,15 @@ def of_surface(data: Data) -> Table:
 
 
 def of_surfaces(record: Files, each: list[Table]) -> Table:
-    """Return the scalars of all surfaces of a run together, from those of each."""
+    """Return the scalars of all surfaces of a run together, from those of each.
+
+    Magnitude and stress drop are of one rupture, and NaN where a surface has several slip events.
+    """
     if any("moment" not in item for item in each):
         return {}
-    total = sum(item["moment"] for item in each)
+    total, several = sum(item["moment"] for item in each), any("slip_events" in item for item in each)
     return {
-        "moment": total, "moment_magnitude": moment_magnitude(total),
+        "moment": total, "moment_magnitude": np.nan if several else moment_magnitude(total),
         "rupture_area": sum(item["rupture_area"] for item in each),
-        "stress_drop": stress_drop(*record.interfaces.values()),
+        "stress_drop": np.nan if several else stress_drop(*record.interfaces.values()),
     }  # fmt: skip

@@ -31,13 +31,33 @@ def verdict(summary: Table) -> str:
     summary : dict
         Content of `summary.json`.
     """
-    parts = [*_sliding(summary), *_surface(summary)]
+    parts = [*_events(summary)] or [*_sliding(summary), *_surface(summary)]
     if parts and "interfaces" in summary:
         parts[0] = f"{summary['interface']}: {parts[0]}"
     parts += _fracture(summary)
     if reason := summary.get("not_resolved"):
         parts.append(f"not resolved: {reason}")
     return ", ".join(parts)
+
+
+def _events(summary: Table) -> Iterator[str]:
+    """Yield number, magnitudes or slip, interval and front speed where a record has several slip events."""
+    if not (count := summary.get("slip_events")):
+        return
+    complete = summary["slip_events_complete"]
+    yield f"{count} slip events" + f", {complete or 'none'} of them complete" * (complete < count)
+    bounds = [summary.get(f"{name}_event_magnitude") for name in ("smallest", "largest")]
+    if None not in bounds:
+        first, last = (f"{value:.2f}" for value in bounds)
+        yield f"magnitude {last}" if first == last else f"magnitudes {first} to {last}"
+    elif slip := summary.get("largest_event_slip"):
+        yield f"slip up to {with_prefix(slip, 'm')}"
+    least, most = (with_prefix(summary[f"{name}_event_interval"], "s") for name in ("shortest", "longest"))
+    yield f"{least} apart" if least == most else f"{least} to {most} apart"
+    if speed := summary.get("largest_event_front_speed"):
+        yield f"front of the largest at {_barred(summary, 'largest_event_front_speed', speed, 'm/s')} (median)"
+    elif reason := summary.get("largest_event_front_missing"):
+        yield f"no front speed of the largest: {reason}"
 
 
 def _sliding(summary: Table) -> Iterator[str]:

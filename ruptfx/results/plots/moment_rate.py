@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from ruptfx.results.analysis.interface_events import fast_periods, peak_rates
 from ruptfx.results.analysis.surface import magnitude_of, moment, moment_magnitude
 from ruptfx.results.analysis.surface import moment_rate as rate_of
 from ruptfx.results.plots._record import has_surface
@@ -55,8 +56,9 @@ def moment_rate(sheet: Sheet, record: Files, *, field: str | Sequence[str] | Non
     last = sum(float(each[-1]) for each in moments.values())
     if last > 0:
         potency = sum(float(data["area"].values @ magnitude_of(data, "slip", -1)) for data in surfaces.values())
-        magnitude = moment_magnitude(last)
-        sheet.remark(f"Moment magnitude of the final slip {magnitude:.2f}; mean shear modulus {last / potency:.4g} Pa.")
+        several = any(len(fast_periods(data, peak_rates(data))) > 1 for data in surfaces.values())
+        of_one = f"Moment magnitude of the final slip {moment_magnitude(last):.2f}"
+        sheet.remark(f"{'Several slip events' if several else of_one}; mean shear modulus {last / potency:.4g} Pa.")
 
 
 def _rates(record: Files, time: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -9,8 +9,8 @@ from matplotlib.colors import LogNorm, Normalize
 
 from ruptfx import RuptfxError
 from ruptfx.input.schema import nearest as nearest_name
+from ruptfx.results.analysis.interface_events import peak_rates
 from ruptfx.results.analysis.surface import magnitude_of
-from ruptfx.results.analysis.surface_events import peak_rates
 from ruptfx.results.figure_style import RATE_MAP, Array, scale
 from ruptfx.results.plots import surface_maps as _surface
 from ruptfx.results.plots._record import chosen, has_surface
