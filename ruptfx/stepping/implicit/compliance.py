@@ -255,7 +255,7 @@ class Factors:
         local, points = unknowns.local, len(distance)
         result = np.zeros((local, local, points, points))
         if isinstance(self.inverse, Iterated):
-            self._stored = StoredParts(self._checksum(unknowns))
+            self._stored = StoredParts(self._checksum(unknowns), self.model.comm)
         reach = self._reach(unknowns, distance)
         groups = apart(distance, 2 * reach)
         # Without the limited reach everything is felt everywhere, as in equilibrium.

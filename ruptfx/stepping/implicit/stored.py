@@ -33,6 +33,8 @@ class StoredParts:
     ----------
     checksum : str
         Of all that the parts depend on but their own names.
+    comm : MPI communicator
+        All ranks that have parts, the same ones or each its own.
     folder : Path, optional
         Default: that of the cache of compiled code.
 
@@ -41,8 +43,8 @@ class StoredParts:
     folder : Path
     """
 
-    def __init__(self, checksum: str, folder: Path | None = None) -> None:
-        self._checksum, self.folder = checksum, folder or cache_directory() / "stiffness"
+    def __init__(self, checksum: str, comm: fem.MPI.Comm, folder: Path | None = None) -> None:
+        self._checksum, self._comm, self.folder = checksum, comm, folder or cache_directory() / "stiffness"
         self._is_read: dict[str, bool] = {}
 
     def part(
@@ -59,6 +61,7 @@ class StoredParts:
         compute : callable
             Returns the part; collective.
         comm : MPI communicator
+            The ranks that share this part.
         """
         key = hashlib.sha256(f"{self._checksum} {name}".encode()).hexdigest()[:32]
         file = self.folder / f"{key}.npy"
@@ -70,23 +73,26 @@ class StoredParts:
         parallel.on_root(comm, lambda: _write(file, array))
         return array
 
-    @property
-    def read(self) -> int:
-        """Number of parts that were read when they were first needed."""
-        return sum(self._is_read.values())
+    def counts(self) -> tuple[int, int]:
+        """Return how many parts of all ranks were read when they were first needed, and how many computed; collective.
 
-    def report(self, what: str, read: int | None = None, computed: int | None = None) -> str:
-        """Return a line for the log: how many parts were read and how many computed.
+        A part that several ranks share counts once.
+        """
+        is_read: dict[str, bool] = {}
+        for each in self._comm.allgather(self._is_read):
+            is_read |= each
+        read = sum(is_read.values())
+        return read, len(is_read) - read
+
+    def report(self, what: str) -> str:
+        """Return a line for the log: how many parts of all ranks were read and how many computed; collective.
 
         Parameters
         ----------
         what : str
             Name of the parts.
-        read, computed : int, optional
-            Sums over ranks with parts of their own; default: those of this rank.
         """
-        read = self.read if read is None else read
-        computed = len(self._is_read) - self.read if computed is None else computed
+        read, computed = self.counts()
         if not computed:
             return f"{what}: all {read} read from {self.folder}, none computed"
         if not read:

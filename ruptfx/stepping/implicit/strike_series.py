@@ -136,7 +136,7 @@ class StrikeSeries:
         self.wavenumbers = 2 * np.pi / period * np.arange(points // 2 + 1)
         self._mine = np.arange(comm.rank, len(self.wavenumbers), comm.size)
         self._need_memory()
-        self._parts = StoredParts(self._checksum(), folder)
+        self._parts = StoredParts(self._checksum(), comm, folder)
         error = None
         try:
             self._matrices = np.stack([self._matrix(k) for k in self.wavenumbers[self._mine]]) if len(self._mine) else (
@@ -145,7 +145,7 @@ class StrikeSeries:
         except Exception as caught:  # MUMPS of one rank may lack memory
             error = caught
         parallel.raise_on_all(comm, error)
-        self.stored = int(parallel.total(comm, self._parts.read))
+        self.stored = self._parts.counts()[0]
         largest = parallel.largest(comm, np.abs(self._matrices[:, 1:]).max(initial=0.0))
         normal = parallel.largest(comm, np.abs(self._matrices[:, 0::3]).max(initial=0.0))
         self.has_opening = normal > SILENT * largest
@@ -172,9 +172,8 @@ class StrikeSeries:
 
     @property
     def report(self) -> str:
-        """Line for the log: how many matrices were read, and how many computed."""
-        count = len(self.wavenumbers)
-        return self._parts.report("mesh.along_strike: matrices of wavenumbers", self.stored, count - self.stored)
+        """Line for the log: how many matrices were read, and how many computed; collective."""
+        return self._parts.report("mesh.along_strike: matrices of wavenumbers")
 
     @property
     def bytes(self) -> int:
