@@ -293,7 +293,14 @@ def test_compare(runs: Path, tmp_path: Path) -> None:
     assert is_noise("energy_closure", 1e-15, 5e-13) and not is_noise("energy_closure", 1e-15, 1e-6)
     assert not is_noise("mode", "crack", "pulse") and not is_noise("tip_speed", None, 3.0)
     stray = said(ruptfx("compare", runs / "one", runs / "two", "--instrument", "G1"))
-    assert "no file; --instrument" in stray
+    assert "a directory; --instrument" in stray
+    signals = tmp_path / "signals.csv"
+    signals.write_text("time (us), velocity\n0, 0\n1, 1\n")
+    swapped = said(ruptfx("compare", signals, runs / "one"))
+    assert f"ruptfx compare {runs / 'one'} {signals}" in swapped
+    assert f"{tmp_path / 'no.csv'}: no such file or directory" in said(
+        ruptfx("compare", runs / "one", tmp_path / "no.csv")
+    )
 
 
 @pytest.fixture(scope="module")

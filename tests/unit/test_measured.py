@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -106,6 +107,18 @@ def test_signals_without_common_times_are_refused() -> None:
         misfit(TIME, pulse(TIME), 1e6 * TIME + 1, pulse(TIME))
     with pytest.raises(RuptfxError, match=r"^force_x:"):
         misfit(TIME, pulse(TIME), TIME, 0 * TIME, what="force_x")
+
+
+@pytest.mark.parametrize("shift", [0.0, 3.0, -70e-6])
+def test_the_time_shift_that_a_refusal_gives_makes_times_common(shift: float) -> None:
+    """Of signals on a clock, with a shift of the user or without one, which the message does not add twice."""
+    clock = TIME + 1.5
+    with pytest.raises(RuptfxError) as caught:
+        misfit(TIME, pulse(TIME), clock + shift, pulse(TIME), time_shift=shift)
+    found = re.search(r"--time-shift '(\S+) s'", str(caught.value))
+    assert found is not None and misfit(TIME, pulse(TIME), clock + float(found[1]), pulse(TIME)).misfit < 1e-6
+    with pytest.raises(RuptfxError, match="With --time-shift '1 s' they are; leave it out"):
+        misfit(TIME, pulse(TIME), TIME + 1.0, pulse(TIME), time_shift=1.0)
 
 
 @pytest.mark.parametrize("second", [

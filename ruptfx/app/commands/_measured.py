@@ -10,6 +10,7 @@ from rich.table import Table
 
 from ruptfx import RuptfxError
 from ruptfx.app.commands._shared import screen
+from ruptfx.input.quantities import with_prefix
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +64,10 @@ def show(
             "the sign in another way.", soft_wrap=True,
         )  # fmt: skip
     if any(pair.result.limited for pair in pairs.values()):
-        screen.print("A shift is the largest one tried: the best may lie beyond; try --most-shift.", soft_wrap=True)
+        largest = with_prefix(max(2 * abs(pair.result.shift) for pair in pairs.values() if pair.result.limited), "s")
+        screen.print(
+            f"A shift is the largest one tried: the best may lie beyond; try --most-shift '{largest}'.", soft_wrap=True
+        )
     screen.print(
         "misfit: rms(computed - measured) / rms(measured); time shift: delay of the measured signal, at the best "
         "agreement in shape; measured/computed: ratio of amplitudes then", soft_wrap=True,

@@ -80,6 +80,7 @@ def compare(
     """
     begin(f"reading {first} and {second}")
     with reported():
+        _require_paths(first, second)
         path, is_measured = picture(out), second.is_file()
         largest_shift = seconds("--most-shift", most_shift)
         if largest_shift is not None and not largest_shift > 0:
@@ -88,8 +89,8 @@ def compare(
             raise RuptfxError(f"{second}: a file of measured signals; --interface is for two runs")
         if not is_measured and (instrument or channel or most_shift or time_shift or map_):
             raise RuptfxError(
-                f"{second}: no file; --instrument, --channel, --most-shift, --time-shift and --map are for measured "
-                "signals"
+                f"{second}: a directory; --instrument, --channel, --most-shift, --time-shift and --map are for a file "
+                "of measured signals"
             )
         with writing(path.parent, [second] * is_measured, overwrite) as files:
             if is_measured:
@@ -100,6 +101,17 @@ def compare(
             else:
                 _compare_runs(first, second, interface, files.claim(path.name), verbose)
         screen.print(f"Picture: {path}", soft_wrap=True)
+
+
+def _require_paths(first: Path, second: Path) -> None:
+    """Refuse what is no run, and no file behind one."""
+    if first.is_file() and second.is_dir():
+        raise RuptfxError(f"{first}: a file of measured signals comes behind the run: ruptfx compare {second} {first}")
+    if not second.exists():
+        raise RuptfxError(
+            f"{second}: no such file or directory; give a directory that 'ruptfx run' wrote, or a file with measured "
+            "signals"
+        )
 
 
 def _compare_runs(first: Path, second: Path, interface: str | None, out: Path, verbose: bool) -> None:

@@ -147,14 +147,14 @@ def compare_with_file(
         raise RuptfxError(f"{record.path} has the instruments {', '.join(known)}; choose one with --instrument")
     name = instrument or known[0]
     if name not in known:
-        raise RuptfxError(f"--instrument {name}: {record.path} has {', '.join(known)}")
+        raise RuptfxError(f"--instrument {name}: {record.path} has {', '.join(known)}; choose one of them")
     data = record.instruments[name]
     if "point" in data.sizes:
         raise RuptfxError(f"--instrument {name}: is a grid of receivers; add a receiver where the signal was measured")
     labels = {str(key): channel_label(str(key), data[key].attrs) for key in data if key != "time"}
     further = more(name)
     if channel is not None and channel not in (*labels, *further):
-        raise RuptfxError(f"--channel {channel}: {name} has {', '.join((*labels, *further))}")
+        raise RuptfxError(f"--channel {channel}: {name} has {', '.join((*labels, *further))}; choose one of them")
     computed = {key: np.asarray(data[key].values) for key in labels}
     computed |= {key: values for key, (values, _) in further.items()}
     units = {key: str(data[key].attrs.get("units", "1")) for key in labels}
@@ -178,7 +178,9 @@ def compare_with_file(
     pairs = {}
     for key in [key for key in wanted if key in columns]:
         if columns[key].any() or len(columns) == 1:
-            result = misfit(computed_time, computed[key], times, columns[key], most_shift, f"{path} and {name}")
+            result = misfit(
+                computed_time, computed[key], times, columns[key], most_shift, f"{path} and {name}", time_shift
+            )
         else:
             result = Misfit(np.nan, 0.0, np.nan, np.nan, False)
         pairs[key] = Pair(labels.get(key, key), units[key], times, columns[key], computed_time, computed[key], result)
@@ -200,11 +202,11 @@ def _aliases(instrument: str, channel: str, label: str) -> list[str]:
 
 def misfit(
     computed_time: np.ndarray, computed: np.ndarray, measured_time: np.ndarray, measured: np.ndarray,
-    most_shift: float | None = None, what: str = "the signals",
+    most_shift: float | None = None, what: str = "the signals", time_shift: float = 0.0,
 ) -> Misfit:  # fmt: skip
     """Return misfit and best time shift of two signals with their own samples, linear between them.
 
-    At least half of the common time is compared at every shift.
+    At least half of the common time is compared at every shift. The measured times include `time_shift`.
 
     Raises
     ------
@@ -217,15 +219,17 @@ def misfit(
     begin, end = computed_time[0] - slack, computed_time[-1] + slack
     inside = (measured_time >= begin) & (measured_time <= end)
     if last <= first or inside.sum() < 2:
-        begun = computed_time[0] - measured_time[0]
+        begun = computed_time[0] - (measured_time[0] - time_shift)
         clock = (
             " Are these times of a clock? Then subtract its time at the beginning of the run: --time-shift "
             f"'{begun:.12g} s' if that is the first one"
+            if begun
+            else f" With --time-shift '{time_shift:g} s' they are; leave it out"
         )
         raise RuptfxError(
             f"{what} have no two samples at common times: {measured_time[0]:.4g} to {measured_time[-1]:.4g} s "
             f"were measured, {computed_time[0]:.4g} to {computed_time[-1]:.4g} s computed; is the unit of time in the "
-            f"header?{clock if begun else ''}"
+            f"header?{clock if begun or time_shift else ''}"
         )
     least = inside.sum() / 2
     if not measured[inside].any():
