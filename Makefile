@@ -52,7 +52,7 @@ ranks: env
 # The longest tests come first: the other process would wait for them at the end.
 LONGEST := tests/unit/test_design.py
 SLOW = $(LONGEST) $(filter-out $(LONGEST) tests/contracts/test_bench_figures.py, \
-    $(shell grep -rl 'mark\.slow' tests --include='test_*.py'))
+    $(shell grep -rl 'mark\.slow\|import .*crossed' tests --include='test_*.py'))
 verify: verified every-key slow test-portable ## exact solutions, other codes, kills, 1 to 3 ranks, every key, and what takes minutes
 
 verified: env
