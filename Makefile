@@ -81,9 +81,9 @@ docs: env ## build the site in docs/_build/html, offline
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	@echo "Open docs/_build/html/index.html"
 
-# Every page runs in a directory of its own. Tests of the site share one built site and hence one process.
+# Every page runs in a directory of its own. Pages take from none to thirty seconds: a process that is done takes others over.
 docs-test: env ## run the code blocks of all pages, and open every page of the site in a browser
-	$(BIN)/python -m pytest -m docs -n 2 --dist loadgroup $(REPORT) tests/docs
+	$(BIN)/python -m pytest -m docs -n 2 --dist worksteal $(REPORT) tests/docs
 
 pictures: env ## renew the pictures of the site from runs of the demos, and their numbers
 	$(BIN)/python docs/make_pictures.py

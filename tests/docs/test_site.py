@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import html
 import os
 import re
@@ -16,7 +17,7 @@ from helpers.page_blocks import ROOT
 from ruptfx.results.plots import FIGURES
 
 pytest.importorskip("sphinx")
-pytestmark = [pytest.mark.docs, pytest.mark.xdist_group("site")]
+pytestmark = pytest.mark.docs
 
 INSIDE = """[...document.querySelectorAll('a[href]')].map(a => a.href)
     .filter(h => h.startsWith('SITE/') && /\\.html(#|$)/.test(h))"""
@@ -25,9 +26,16 @@ WRONG = """[...document.images].filter(i => i.loading !== 'lazy' && i.complete &
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("site")
-    build = [sys.executable, "-m", "sphinx", "-q", "-b", "html", str(ROOT / "docs"), str(out)]
-    subprocess.run(build, check=True, timeout=600, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    """Built once; where several processes run the tests, the others wait for the first one."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    out, built = folder / "site", folder / "site_is_built"
+    with (folder / "site.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not built.exists():
+            build = [sys.executable, "-m", "sphinx", "-q", "-b", "html", str(ROOT / "docs"), str(out)]
+            subprocess.run(build, check=True, timeout=600, env=os.environ | {"PYTHONPATH": str(ROOT)})
+            built.touch()
     return out
 
 

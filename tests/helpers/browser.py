@@ -51,12 +51,12 @@ class Tab:
         await self.until(f"document.readyState === 'complete' && ({ready})")
 
     async def until(self, condition: str) -> None:
-        for _ in range(300):
+        for _ in range(1500):
             # A page that is left while it is asked gives no answer; the next one does.
             with suppress(NavigatedError):
                 if await self.value(condition):
                     return
-            await asyncio.sleep(0.1)
+            await asyncio.sleep(0.02)
         raise AssertionError(f"never true: {condition}")
 
     async def centre(self, selector: str) -> tuple[float, float]:
