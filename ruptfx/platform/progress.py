@@ -61,6 +61,8 @@ def _console() -> Console:
 
 SILENCE = 600.0
 """Longest time without a line [s]."""
+BESIDE = 28
+"""Characters of a line of a terminal for the bar, the percentage and the time left."""
 
 
 class Progress:
@@ -95,6 +97,8 @@ class Progress:
         done = min(fraction, 1.0)  # the last step of a run may exceed its duration
         tenth = int(10 * done)
         if self._bar:
+            room = max(self._console.width - BESIDE, 1)
+            text = text if len(text) <= room else f"{text[: room - 1]}…"
             self._bar.update(self._task, completed=done, description=text)
         elif self._show and (tenth > self._tenth or time.monotonic() - self._last > SILENCE):
             share = f"{10 * tenth:3d}" if tenth > self._tenth else f"{100 * done:3.0f}"

@@ -70,3 +70,13 @@ def test_a_slow_run_prints_a_line_every_ten_minutes_with_the_time_of_day(capsys,
             progress.update(fraction, "text")
     lines = capsys.readouterr().err.splitlines()
     assert [(line.split("%")[0].strip(), line.split("at ")[-1]) for line in lines] == [("3", "900"), ("10", "1320")]
+
+
+def test_a_long_text_of_a_bar_leaves_the_percentage_and_the_time_left(capsys, monkeypatch):
+    monkeypatch.setenv("RUPTFX_TERMINAL", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    with Progress() as progress:
+        progress.update(0.71, "run 23, misfit 0.340245, 0.0851 of noise, variable 2 of 2, sensitivity  step 55 of 125")
+        time.sleep(0.2)
+    shown = capsys.readouterr().err
+    assert "run 23, misfit 0.340245, 0.0851 of noise" in shown and " 71 % left" in shown and "… …" not in shown

@@ -27,7 +27,7 @@ from helpers.small_cases import merged, slip_weakening, strike_slip
 from typer.testing import CliRunner
 
 from ruptfx.app.cli import app
-from ruptfx.app.commands.infer import _note
+from ruptfx.app.commands.infer import _note, shown_interval
 from ruptfx.case import Case, parse_case, read_case
 from ruptfx.input.schema import CaseError
 
@@ -340,6 +340,17 @@ def test_the_band_of_a_field_is_narrow_where_the_data_see_it(tmp_path: Path) -> 
     assert ratio[len(ratio) // 2] < ratio[0] and ratio[len(ratio) // 2] < ratio[-1]
     again = infer(case, tmp_path / "out", progress=False).unknowns[0]  # from the file
     np.testing.assert_array_equal(again.interval, stress.interval)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "text"),
+    [
+        (4.05341e-6, 4.19739e-6, "4.053e-06 to 4.197e-06"), (0.233478, 0.245822, "0.2335 to 0.2458"),
+        (-1.0, 3.0, "-1 to 3"), (0.5123456, 0.5123467, "0.512346 to 0.512347"), (0.25, 0.25, "0.25 to 0.25"),
+    ],
+)  # fmt: skip
+def test_intervals_have_the_digits_in_which_their_ends_differ(low: float, high: float, text: str) -> None:
+    assert shown_interval(low, high) == text
 
 
 def test_an_interrupted_inference_goes_on_as_if_it_were_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -70,7 +70,8 @@ def _about(term: Misfit, measured: Sequence[Measured]) -> str:
     if not measured:
         return f"{term.kind()}: no samples between begin and end"
     first, last = min(each.times[0] for each in measured), max(each.times[-1] for each in measured)
-    text = f"{term.kind()}: {len(measured)} traces x {count} samples, {first:.4g} to {last:.4g} s"
+    traces = f"{len(measured)} trace{'s' * (len(measured) > 1)}"
+    text = f"{term.kind()}: {traces} x {count} samples, {first:.4g} to {last:.4g} s"
     sigma: float | None = getattr(term, "sigma", None)
     if sigma is None:
         return text

@@ -263,7 +263,8 @@ def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
         often = 0.5 / instrument.interval
         highest = min(often, instrument.bandwidth or often)
         verdict: Literal["ok", "warning"] = "ok"
-        notes = [f"{len(channels)} numbers every {instrument.interval:.3g} s: Nyquist frequency {often:.3g} Hz"]
+        numbers = f"{len(channels)} number{'s' * (len(channels) > 1)}"
+        notes = [f"{numbers} every {instrument.interval:.3g} s: Nyquist frequency {often:.3g} Hz"]
         if instrument.bandwidth is not None and instrument.bandwidth > often:
             notes.append(f"the bandwidth of {instrument.bandwidth:.3g} Hz passes more: reduce the interval")
             verdict = "warning"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -85,7 +86,7 @@ def infer(
                 best, interval = f"{last:.6g}", ""
                 if each.interval is not None:
                     low, high = each.interval.mean(axis=1)
-                    interval = f"{low:.6g} to {high:.6g}"
+                    interval = shown_interval(float(low), float(high))
                 if each.shape != "number":
                     best = f"{each.best.min():.6g} to {each.best.max():.6g}"
                     if each.interval is not None:
@@ -105,6 +106,13 @@ def infer(
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
             files += ", tradeoffs.png" * (len(made.samples) > 1)
             screen.print(f"Files: {out} ({files})", soft_wrap=True)
+
+
+def shown_interval(low: float, high: float) -> str:
+    """Return both ends of an interval with two digits more than those in which they agree, from three to six."""
+    width, size = high - low, max(abs(low), abs(high))
+    digits = 3 if width >= size else 6 if width * 1e4 <= size else 2 + math.ceil(math.log10(size / width))
+    return f"{low:.{max(digits, 3)}g} to {high:.{max(digits, 3)}g}"
 
 
 def remedies_of(method: str, reason: str) -> str:
@@ -150,7 +158,7 @@ def _fitted(parsed: Case | LumpedModel, ranks: int, out: Path, quiet: bool) -> b
                 if f"{name}_low" in result:
                     low, high = (float(result[f"{name}_{end}"]) for end in ("low", "high"))
                     unit = result[name].attrs["units"]
-                    table.add_row(str(name), f"{float(result[name]):.6g}", f"{low:.6g} to {high:.6g}", unit)
+                    table.add_row(str(name), f"{float(result[name]):.6g}", shown_interval(low, high), unit)
             screen.print(table)
             screen.print(f"Files: {out} (result.nc, summary.json, figures)", soft_wrap=True)
     return True
