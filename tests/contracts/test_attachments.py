@@ -265,7 +265,9 @@ def test_the_same_on_any_ranks_in_implicit_steps(kind: str, stepper: str) -> Non
     agree_on_ranks(implicit(kind, stepper), lambda motion, state: [motion.step(state) for _ in range(12)], 1e-7)
 
 
-@every_implicit
+@pytest.mark.parametrize("kind, stepper", [
+    pytest.param(*each, marks=[pytest.mark.slow] * (each == ("foundation", "hybrid"))) for each in IN_STEPS
+])  # fmt: skip
 def test_resumed_bitwise_in_implicit_steps(kind: str, stepper: str, shared_tmp_path: Path) -> None:
     plain = implicit(kind, stepper)
     model = Model(plain)

@@ -67,6 +67,7 @@ def test_profiles_show_both_fields(run: Path) -> None:
         np.testing.assert_allclose(heights, data["temperature"].values[-1], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_study_varies_a_key_of_a_field(tmp_path: Path) -> None:
     """The runs of its points have the pressures of the axis."""
     base = {key: value for key, value in HEATED.items() if "temperature" not in key}

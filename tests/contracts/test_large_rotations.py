@@ -269,6 +269,7 @@ def damped_bar(spin: float) -> tuple[float, float, float]:
     return total[3] / total[2], total[4] / total[2], spin * state.time
 
 
+@pytest.mark.slow
 def test_viscosity_damps_a_spinning_bar_as_one_at_rest() -> None:
     """But for the stretch of the spin, (spin / frequency)^2 = 3e-4, over the strain of the vibration, 5e-3."""
     still, spinning = damped_bar(0.0), damped_bar(3e4)

@@ -133,6 +133,7 @@ def test_an_error_of_numbers_is_no_traceback(
         simulate(model, tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_simulate_of_a_lumped_model_does_without_dolfinx(tmp_path: Path) -> None:
     """Neither DOLFINx nor MPI can be imported: `ruptfx.simulate` returns the result that it wrote."""
     program = f"""

@@ -244,7 +244,7 @@ def test_equal_constants_make_an_orthotropic_body_isotropic(plane: Plane, angle:
 LAYERED = {"density": 1600.0, "E_1": 140e9, "E_2": 10e9, "nu_12": 0.3, "nu_23": 0.45, "G_12": 5e9}
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain", "solid"])
+@pytest.mark.parametrize("plane", ["stress", "strain", pytest.param("solid", marks=pytest.mark.slow)])
 def test_speed_without_shear_mach_front(plane: Plane) -> None:
     """sqrt(2) c_s of isotropic bodies; else that of a plane wave (1, -m) f(x + m y - v t) without shear."""
     same = IsotropicElastic(young_modulus=5.3e9, poisson_ratio=0.35, density=1246.0)

@@ -63,7 +63,7 @@ def test_the_derivative_by_a_time_shift_equals_central_differences() -> None:
     np.testing.assert_array_equal(exact[D_C], both[D_C])
 
 
-@pytest.mark.parametrize("method", ["l_bfgs", "gauss_newton"])
+@pytest.mark.parametrize("method", [pytest.param("l_bfgs", marks=pytest.mark.slow), "gauss_newton"])
 def test_a_time_shift_is_recovered_with_a_number(method: str, tmp_path: Path) -> None:
     """Data are 0.4 us late, and D_c is 4 um in place of 5 um; beyond the bounds there is another minimum, at 0.4 us."""
     true = case_with(trace(time_shift=-4e-7)).changed(D_C, 4e-6)

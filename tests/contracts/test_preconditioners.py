@@ -98,7 +98,9 @@ def difference(model: Model, ours: np.ndarray, theirs: np.ndarray) -> float:
     return sizes[0] / sizes[1]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.slow] * (name == "graded")) for name in CASES
+])  # fmt: skip
 def test_multigrid_agrees_with_factors_in_few_iterations(name: str) -> None:
     model = Model(parse_case(CASES[name])).in_steps("implicit")
     ours, iterations, residual, _ = solve(model, "mg")
@@ -107,7 +109,9 @@ def test_multigrid_agrees_with_factors_in_few_iterations(name: str) -> None:
     assert difference(model, ours, theirs) < 1e-9
 
 
-@pytest.mark.parametrize("kind", preconditioners.kinds())
+@pytest.mark.parametrize("kind", [
+    pytest.param(kind, marks=[pytest.mark.slow] * (kind == "gamg")) for kind in preconditioners.kinds()
+])  # fmt: skip
 def test_inertia_and_sliding_are_on_every_level(kind: str) -> None:
     """Sliding leaves the matrix unsymmetric, without stiffness along the interface."""
     model = Model(parse_case(CASES["solid"])).in_steps("implicit")

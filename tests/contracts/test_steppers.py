@@ -146,7 +146,10 @@ def test_the_energy_budget_is_as_open_as_a_stepper_says(kind: str) -> None:
     assert worst and max(worst.values()) <= stepper.closure, worst
 
 
-@pytest.mark.parametrize("stepper, contact", with_contacts(SCHEMES))
+@pytest.mark.parametrize("stepper, contact", [
+    pytest.param(*each.values, id=each.id, marks=[pytest.mark.slow] * (each.values[1] is RIGID))
+    for each in with_contacts(SCHEMES)
+])  # fmt: skip
 def test_second_order_in_time(stepper: dict[str, Any], contact: dict[str, Any]) -> None:
     """Stuck interface, driven, loaded, absorbing and damped; the solution of the ODE is smooth for t > 0."""
     duration = 2e-6

@@ -162,6 +162,7 @@ def count_tried(cells: list[tuple[str, dict[str, Any]]], bound: int | None = Non
     return refused, tried
 
 
+@pytest.mark.slow
 def test_every_remedy_is_accepted() -> None:
     """In every cell of contact or way to break, stepper and feature; once in each of the cases that come out."""
     refused, tried = count_tried(CELLS, bound=1)

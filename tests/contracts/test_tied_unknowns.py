@@ -131,6 +131,7 @@ def test_one_number_for_two_keys_is_recovered(method: str, tmp_path: Path) -> No
         assert float(result[f"{MU_D}.best"][0]) == value
 
 
+@pytest.mark.slow
 def test_an_inference_does_not_depend_on_how_its_ties_are_written(tmp_path: Path) -> None:
     """The other key first, with the inverse factor; entries in another order; lengths as texts in other units."""
     table = measured("gauss_newton")

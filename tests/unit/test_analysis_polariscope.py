@@ -34,6 +34,7 @@ def record(tmp_path_factory):
         yield record
 
 
+@pytest.mark.slow
 def test_frames_at_the_rate_of_the_camera(record):
     film = Camera(frame_rate=1e5, exposure=1e-7, pixel=1e-3).film(record)
     np.testing.assert_allclose(film.time, 1e-5 * np.arange(6))  # the next would end behind the last snapshot

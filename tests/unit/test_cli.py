@@ -138,8 +138,9 @@ def test_what_starts_ranks_needs_dolfinx(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("command", [
-    "--version", "describe --schema",  # at the end of the program, and within the text
-    *(pytest.param(x, marks=pytest.mark.slow) for x in ("describe friction", "bench table", "bench waves --json")),
+    "--version",  # at the end of the program; the others within the text
+    *(pytest.param(x, marks=pytest.mark.slow) for x in
+      ("describe --schema", "describe friction", "bench table", "bench waves --json")),
 ])  # fmt: skip
 def test_a_reader_that_leaves_ends_a_command_quietly(command: str, needs_fem: None, tmp_path: Path) -> None:
     check = {"quantity": "speed", "expected": 1.0, "found": 1.0, "passed": True}

@@ -106,6 +106,7 @@ def test_the_figure_shows_the_distances_from_the_limit() -> None:
     assert [label.get_text() for label in bars.get_yticklabels()] == ["max slip"]
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_small_case(tmp_path: Path) -> None:
     """Bars are in the summary of the run of the case only; a second call computes nothing."""

@@ -120,6 +120,7 @@ def test_the_container_and_make_demo_draw_the_pictures_of_the_main_script(tmp_pa
     assert cases[0].table() == read_case(root / image[2]).table()
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_stress_barrier_follows_the_equation_of_motion_and_stops(tmp_path, monkeypatch):
     """The script itself, on elements twice as large, and shorter. Found: 0.03, 0.04 c_R, stops 0.4 mm away."""

@@ -17,6 +17,7 @@ from ruptfx.run.simulation import simulate
 pytestmark = pytest.mark.fem
 
 
+@pytest.mark.slow
 def test_command_writes_table_and_figure(tmp_path: Path) -> None:
     simulate(faulted({"duration": 100.0}), tmp_path / "run", progress=False).close()
     result = CliRunner().invoke(app, ["events", str(tmp_path / "run"), "--csv"])

@@ -204,6 +204,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "run"
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.usefixtures("blank_pictures")
 def test_scec_files_are_compared_with_the_run_that_wrote_them(run: Path, tmp_path: Path) -> None:

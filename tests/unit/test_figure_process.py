@@ -43,6 +43,7 @@ def waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     assert figure_process._waiting is not None
 
 
+@pytest.mark.slow
 def test_pictures_are_the_same(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     waiting(monkeypatch)
     process = figure_process._waiting
@@ -147,7 +148,7 @@ def test_nobody_waits_where_it_would_not_pay(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.usefixtures("blank_pictures")  # those that are drawn here, without another process
-@pytest.mark.parametrize("alone", [False, True])
+@pytest.mark.parametrize("alone", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_figures_are_named_where_phases_are_lines(
     alone: bool, few: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -171,6 +171,7 @@ def test_detachments_within_two_delays_are_one_event(apart: float, events: int) 
     assert len(catalogue(breaks, time, force, 0.5)) == events
 
 
+@pytest.mark.slow
 def test_damping_over_the_frequency_of_the_contacts_decides_the_speed_of_fronts() -> None:
     """The printed 3.45e4 1/s over sqrt(K_s N / M) = 9745 1/s is 3.54, above critical; fronts are slower than 0.1 there.
 

@@ -275,8 +275,8 @@ def test_resume_keeps_what_is_finished_and_begins_the_rest_again(tmp_path: Path)
     "changes, key",
     [
         ({"mass": 5e-324}, "mass = 4.94066e-324"),
-        ({"friction": {"kind": LAWS[0], "a": 0.013, "b": 1e18, "D_c": 4.2e-7, "f_0": 0.36, "V_0": 1e-6}},
-         "friction.b = 1e+18 (usual 0.026)"),
+        pytest.param({"friction": {"kind": LAWS[0], "a": 0.013, "b": 1e18, "D_c": 4.2e-7, "f_0": 0.36, "V_0": 1e-6}},
+                     "friction.b = 1e+18 (usual 0.026)", marks=pytest.mark.slow),
         ({"experiment": {"kind": "velocity_steps", "speeds": [1e-6, 1e7, 1e-6]}}, "experiment.speeds.1 = 1e+07"),
         ({"experiment": {"kind": "velocity_steps", "speeds": [1e-6, 1e300]}}, "experiment.speeds.1 = 1e+300"),
     ],
@@ -471,6 +471,7 @@ def test_other_laws_do_not_depend_on_temperature() -> None:
         model.run()
 
 
+@pytest.mark.slow
 def test_a_solver_that_keeps_short_steps_begins_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """At K/K_c = 0.9 LSODA starts within a slip and keeps steps of 4e-7 s: 3e8 for 106 s; begun again it ends."""
     from ruptfx.lumped.spring_slider import slider as module

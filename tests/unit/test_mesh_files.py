@@ -660,8 +660,9 @@ QUARTERS = {2: "Physical Surface", 3: "Physical Volume"}
 
 
 @pytest.mark.fem
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("shape", ["crossing", "junction"])
+@pytest.mark.parametrize("shape, dim", [
+    ("crossing", 2), pytest.param("crossing", 3, marks=pytest.mark.slow), ("junction", 2), ("junction", 3),
+])  # fmt: skip
 def test_slip_on_crossing_faults_inside_one_body_is_that_between_four(dim: int, shape: str, tmp_path: Path) -> None:
     """Bitwise the same mesh but for the names of bodies, and the same fields of both faults."""
     pytest.importorskip("dolfinx")

@@ -174,6 +174,7 @@ def test_overwrite_of_a_field_run_happens_when_the_case_is_known_to_run(tmp_path
     assert record.summary["case_hash"] == second.hash and record.interface.time[-1] == pytest.approx(2e-6, rel=0.1)
 
 
+@pytest.mark.slow
 def test_demos_are_notebooks_that_run(tmp_path: Path) -> None:
     pytest.importorskip("jupytext")
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")

@@ -68,6 +68,7 @@ def test_slow_and_fast_phases_have_a_figure_of_their_own(tmp_path, size):
         assert len(visible) == (6 if size else 1)  # with two colour bars; the force alone where nothing slides
 
 
+@pytest.mark.slow
 def test_saving_lays_out_once_and_draws_once(train, tmp_path):
     """What matplotlib would do in two drawings comes out the same, to the pixel."""
     figures = {name: plots.snapshots(train).figure for name in ("ours", "theirs")}

@@ -160,6 +160,7 @@ class SmallPush(Nucleation):
 # -- runs ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_run_directory_needs_nothing_else(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
@@ -211,6 +212,7 @@ class Twice(Operator):
     assert type(Model(case).operator).__name__ == "Twice"
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_study_keeps_its_plugins(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
@@ -453,7 +455,8 @@ def in_a_new_process(mark: Path, *arguments: Any) -> subprocess.CompletedProcess
 
 @pytest.mark.fem
 @pytest.mark.parametrize("command", [
-    ["plot", "RUN", "--figure", "snapshots"], ["list", "RUN"], ["compare", "RUN", "RUN", "--out", "OUT/both.png"],
+    pytest.param(["plot", "RUN", "--figure", "snapshots"], marks=pytest.mark.slow), ["list", "RUN"],
+    ["compare", "RUN", "RUN", "--out", "OUT/both.png"],
     ["export", "RUN", "--out", "OUT/export"], ["movie", "RUN", "--out", "OUT/movie.gif"],
 ], ids=lambda command: command[0])  # fmt: skip
 def test_reading_a_run_runs_none_of_its_code(command: list[str], foreign: Path, tmp_path: Path) -> None:

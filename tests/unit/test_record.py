@@ -94,6 +94,7 @@ def test_files_hold_the_numbers_of_a_record(tmp_path, whole):
                 np.testing.assert_array_equal(plain.bulk[name].isel(time=time).values, wanted.values)
 
 
+@pytest.mark.slow
 def test_the_end_of_a_run_needs_neither_xarray_nor_dolfinx_nor_mpi(tmp_path):
     """Its import would take longer than all that is read; all figures are drawn, and one is saved."""
     run = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION, slides=True)

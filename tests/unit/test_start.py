@@ -99,6 +99,7 @@ def test_only_the_first_rank_says_it(monkeypatch: pytest.MonkeyPatch) -> None:
             assert launch.is_first_rank()
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_again_without_xarray_and_most_of_scipy(tmp_path: Path) -> None:
     position, time = synthetic.points(40), synthetic.times(61)
     run = synthetic.write_run(tmp_path / "run", synthetic.crack(time, position), time, position)

@@ -82,6 +82,7 @@ def test_axes_of_names_have_no_map(tmp_path: Path) -> None:
         draw(path)
 
 
+@pytest.mark.slow
 def test_draws_are_points_around_their_median(tmp_path: Path) -> None:
     draws = {"key": "mesh.phases.seed", "name": "draw", "values": [1, 2, 3]}
     path = study(

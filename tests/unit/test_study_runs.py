@@ -295,6 +295,7 @@ def search(tmp_path, samples):
     return read_study(path)
 
 
+@pytest.mark.slow
 def test_a_search_finds_the_best_and_goes_on_where_it_was(tmp_path):
     pytest.importorskip("cma")
     short = run_study(search(tmp_path, 8), tmp_path / "out", show=False)

@@ -22,27 +22,28 @@ def bare_returns(source: str) -> list[str]:
             if isinstance(node, ast.Return) and node.value is None]  # fmt: skip
 
 
-def assertions(node: ast.AST, helpers: set[str]) -> Iterator[ast.AST]:
-    """Iterate over assertions: `assert`, `raises`, `assert_allclose` and others, and calls of helpers with one."""
-    for each in ast.walk(node):
-        if isinstance(each, ast.Assert):
-            yield each
-        elif isinstance(each, ast.Call):
-            name = ast.unparse(each.func).rpartition(".")[2]
-            if name in helpers or name in ("raises", "warns", "fail") or name.startswith("assert"):
-                yield each
+def called(node: ast.AST) -> set[str]:
+    """Return the names of the functions that a function calls; an `assert` is one of them."""
+    return {
+        "assert" if isinstance(each, ast.Assert) else getattr(each.func, "attr", getattr(each.func, "id", ""))
+        for each in ast.walk(node) if isinstance(each, (ast.Assert, ast.Call))
+    }  # fmt: skip
+
+
+def asserts(name: str) -> bool:
+    """Return whether a function of this name asserts: `assert`, `raises`, `assert_allclose` and others."""
+    return name in ("raises", "warns", "fail") or name.startswith("assert")
 
 
 def without_assertions(sources: dict[str, str]) -> list[str]:
     """Return the tests in which nothing is asserted, neither by themselves nor by functions of these files."""
-    functions = [(path, node) for path, source in sources.items() for node in ast.walk(ast.parse(source))
-                 if isinstance(node, FUNCTIONS)]  # fmt: skip
-    helpers, before = set[str](), -1
+    functions = [(path, node.name, called(node)) for path, source in sources.items()
+                 for node in ast.walk(ast.parse(source)) if isinstance(node, FUNCTIONS)]  # fmt: skip
+    helpers, before = {name for _, name, calls in functions if any(map(asserts, calls))}, -1
     while len(helpers) > before:
         before = len(helpers)
-        helpers |= {node.name for _, node in functions if node.name not in helpers and any(assertions(node, helpers))}
-    return [f"{path}: {node.name}" for path, node in functions
-            if node.name.startswith("test_") and node.name not in helpers]  # fmt: skip
+        helpers |= {name for _, name, calls in functions if calls & helpers}
+    return [f"{path}: {name}" for path, name, _ in functions if name.startswith("test_") and name not in helpers]
 
 
 def own_nodes(parent: ast.AST) -> Iterator[ast.AST]:
