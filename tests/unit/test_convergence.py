@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import re
 import tomllib
@@ -14,10 +15,12 @@ import tomli_w
 from helpers.drawn import shows
 from helpers.messages import facts
 from helpers.small_cases import INSTRUMENTS, merged, plates
+from rich.console import Console
 
 from ruptfx import RuptfxError
+from ruptfx.app.commands.converge import table_of
 from ruptfx.many_runs.convergence import converge, estimate, figure
-from ruptfx.many_runs.convergence.estimates import Row, unresolved
+from ruptfx.many_runs.convergence.estimates import OSCILLATE, Row, unresolved
 from ruptfx.many_runs.convergence.readings import of_signal
 from ruptfx.many_runs.study.harvest import harvest
 from ruptfx.results.analysis.verdict import rows, verdict, with_bar
@@ -68,6 +71,21 @@ def test_a_case_is_not_resolved_where_most_numbers_approach_no_limit() -> None:
     assert re.match(facts("3 of 5.*mesh.element_size"), unresolved(rows))
     # Bars over values of 0.2, 0.2, 0.4, 0.4 and 0.6, and an eighth of the median 0.4.
     assert unresolved([dataclasses.replace(row, value=8 * row.value) for row in rows]) == ""
+
+
+def test_the_table_refers_to_reasons_below_it() -> None:
+    """Numbers that oscillate, one of too high an order and one in the asymptotic range, within 80 columns."""
+    series = {"energy_frictional_dissipation": (1.0, 1.1, 0.9), "reach": (1.0, 1.001, 1.1), "share": (1.0, 1.1, 1.3),
+              "zones": (2.0, 2.1, 1.9)}  # fmt: skip
+    made = [estimate(values, (1.0, 2.0, 4.0)) for values in series.values()]
+    table, remarks = table_of([Row(name, "J/m", each.value, each.bar, {"mesh": each})
+                               for name, each in zip(series, made, strict=True)])  # fmt: skip
+    assert list(table.columns[-1].cells) == ["(1)", "(2)", "", "(1)"]
+    assert remarks == [f"(1) not in the asymptotic range: {OSCILLATE}",
+                       "(2) not in the asymptotic range: observed order below 0.5 or above 4"]  # fmt: skip
+    text = io.StringIO()
+    Console(file=text, width=80).print(table)
+    assert len(text.getvalue().splitlines()) == 1 + len(series)
 
 
 def test_equal_values_and_two_levels() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -46,10 +48,10 @@ def converge(
             of=[word.strip() for word in of.split(",")], ranks=ranks, cores=cores, scheduler=scheduler, retry=retry,
             show=not quiet, overwrite=overwrite,
         )  # fmt: skip
-        table = Table("number", "value", "extrapolated", "order", "", box=None, pad_edge=False)
-        for row in result.rows:
-            table.add_row(*_cells(row))
+        table, remarks = table_of(result.rows)
         table_console().print(table)
+        for remark in remarks:
+            screen.print(remark, soft_wrap=True)
         for text in result.notes:
             screen.print(f"no result: {text}", style="red", soft_wrap=True)
         inside = sum(not row.outside for row in result.rows)
@@ -60,12 +62,28 @@ def converge(
         screen.print(f"Files: {', '.join(map(str, result.files))}", soft_wrap=True)
 
 
+def table_of(rows: Sequence[Row]) -> tuple[Table, list[str]]:
+    """Return the table of numbers with bars, and the remarks to which its last column refers."""
+    table = Table("number", "value", "extrapolated", "order", "", box=None, pad_edge=False)
+    reasons = list(dict.fromkeys(_reason(row) for row in rows if row.outside))
+    for row in rows:
+        table.add_row(*_cells(row), f"({1 + reasons.index(_reason(row))})" if row.outside else "")
+    return table, [f"({number}) not in the asymptotic range: {reason}" for number, reason in enumerate(reasons, 1)]
+
+
 def _cells(row: Row) -> list[str]:
     from ruptfx.results.analysis.verdict import with_bar
 
     one = next(iter(row.by.values()))
     orders = ", ".join("-" if each.order is None else f"{each.order:.2g}" for each in row.by.values())
     extrapolated = f"{one.extrapolated:.5g}" if len(row.by) == 1 and not one.outside else "-"
-    reason = f"not in the asymptotic range: {row.outside}" if row.outside else ""
-    return [row.name.replace("_", " "), f"{with_bar(row.value, row.bar)} {row.unit}".rstrip(), extrapolated, orders,
-            reason]  # fmt: skip
+    return [row.name.replace("_", " "), f"{with_bar(row.value, row.bar)} {row.unit}".rstrip(), extrapolated, orders]
+
+
+def _reason(row: Row) -> str:
+    """Return why a number is not in the asymptotic range; observed orders are in the table."""
+    from ruptfx.many_runs.convergence.estimates import HIGHEST_ORDER, LEAST_ORDER
+
+    return re.sub(
+        r"observed order [\d.e+-]+", f"observed order below {LEAST_ORDER:g} or above {HIGHEST_ORDER:g}", row.outside
+    )
