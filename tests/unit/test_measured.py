@@ -117,7 +117,7 @@ def test_the_time_shift_that_a_refusal_gives_makes_times_common(shift: float) ->
         misfit(TIME, pulse(TIME), clock + shift, pulse(TIME), time_shift=shift)
     found = re.search(r"--time-shift '(\S+) s'", str(caught.value))
     assert found is not None and misfit(TIME, pulse(TIME), clock + float(found[1]), pulse(TIME)).misfit < 1e-6
-    with pytest.raises(RuptfxError, match="With --time-shift '1 s' they are; leave it out"):
+    with pytest.raises(RuptfxError, match=facts("--time-shift '1 s' they are; leave it out")):
         misfit(TIME, pulse(TIME), TIME + 1.0, pulse(TIME), time_shift=1.0)
 
 
