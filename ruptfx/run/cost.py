@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError
 from ruptfx.case import Case
 from ruptfx.input.fields import stress_entries
 from ruptfx.platform import fem, parallel
-from ruptfx.platform.memory import available, largest_memory
+from ruptfx.platform.memory import largest_memory, refuse_shortage
 from ruptfx.results import figure_process
 from ruptfx.results.analysis.raster import PIXELS
 from ruptfx.run.recording.bulk_fields import BulkFields, recorded_states
@@ -229,17 +228,16 @@ def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
     RuptfxError
         On all ranks; the message gives the memory and the remedy.
     """
-    lattice, there = case.mesh.lattice(), available()
-    ranks = parallel.ranks_here(comm)
-    if lattice is None or there is None:
+    lattice, ranks = case.mesh.lattice(), parallel.ranks_here(comm)
+    if lattice is None:
         return
     components, nodes = {"antiplane": 1, "solid": 3}.get(case.plane, 2), lattice.nodes(case.order)
     shorter = BYTES["double"] - case.real.itemsize
     per_node = PER_NODE[components] - shorter * (2 * components + INVERSE_MASSES)  # velocity, force and these
     least = ranks * LIBRARIES + nodes * per_node * ranks / comm.size
-    if least > there:
-        raise RuptfxError(
-            f"mesh: {nodes:.3g} nodes take {least / 1e9:.3g} GB of memory at least, and {there / 1e9:.3g} GB are free "
-            f"here; twice the mesh.element_size takes a quarter. Else make the bodies smaller, let elements grow away "
-            "from the interface (mesh.growth), or spread the ranks over several machines"
-        )
+    part = "an eighth" if case.plane == "solid" else "a quarter"
+    refuse_shortage(
+        comm, "mesh", f"{nodes:.3g} nodes", least,
+        f"twice the mesh.element_size takes {part}. Else make the bodies smaller, let elements grow away from the "
+        "interface (mesh.growth), or spread the ranks over several machines", " of memory at least",
+    )  # fmt: skip

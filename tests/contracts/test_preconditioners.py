@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
 from ruptfx.input.schema import CaseError
-from ruptfx.platform import fem, parallel
+from ruptfx.platform import fem, memory, parallel
 from ruptfx.run.model import Model
 from ruptfx.stepping.implicit import preconditioners
 from ruptfx.stepping.implicit.equilibrium import Equilibrium
@@ -178,10 +178,10 @@ def test_levels_beyond_the_memory_are_refused_before_one_is_made(monkeypatch: py
         raise RuptfxError("made")
 
     monkeypatch.setattr(multigrid, "make_tangent", make)
-    monkeypatch.setattr(preconditioners, "available", lambda: 0.99 * need)
+    monkeypatch.setattr(memory, "available", lambda: 0.99 * need)
     unknowns, bytes_ = 3 * model.total_nodes, f"{need / 1e9:.3g} GB.*{0.99 * need / 1e9:.3g} GB"
     with pytest.raises(RuptfxError, match=facts(rf"mesh: {unknowns}.*{bytes_}.*mesh\.element_size")):
         Equilibrium(model)
-    monkeypatch.setattr(preconditioners, "available", lambda: 1.01 * need)
+    monkeypatch.setattr(memory, "available", lambda: 1.01 * need)
     with pytest.raises(RuptfxError, match="made"):
         Equilibrium(model)

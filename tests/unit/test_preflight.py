@@ -701,12 +701,13 @@ def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypa
     """3 x 2 elements of order 4 twice over: 2 x 25 x 9 = 450 nodes of 245 bytes and 160 MB of libraries."""
     from ruptfx import RuptfxError
     from ruptfx.app.checks import preflight
-    from ruptfx.run import cost, simulation
+    from ruptfx.platform import memory
+    from ruptfx.run import simulation
 
     made: list[object] = []
     for module in (preflight, simulation):
         monkeypatch.setattr(module, "Model", lambda *_: made.append("model"))
-    monkeypatch.setattr(cost, "available", lambda: 160e6)
+    monkeypatch.setattr(memory, "available", lambda: 160e6)
     with pytest.raises(
         RuptfxError, match=facts(r"450 nodes take 0.16 GB of memory at least, and 0.16 GB are free here")
     ):
@@ -726,7 +727,7 @@ def test_what_fits_only_in_part_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_free_memory_is_that_of_the_machine_or_of_the_control_group(tmp_path: Path) -> None:
-    from ruptfx.run.cost import available
+    from ruptfx.platform.memory import available
 
     assert available(tmp_path) is None
     (tmp_path / "proc").mkdir()
@@ -824,6 +825,24 @@ def test_a_mirror_image_radiates_as_a_body() -> None:
     assert times["rigid"] == pytest.approx(2 * times["whole"], rel=1e-9)
 
 
+def test_a_shortage_of_memory_is_the_same_sentence_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Key, use, needed and free memory, remedy; nothing where it fits, or where the free memory is not known."""
+    from ruptfx import RuptfxError
+    from ruptfx.platform import memory
+
+    monkeypatch.setattr(memory, "available", lambda: 2.5e9)
+    asked = "mesh.points = 9", "matrices", 3e9, "use fewer"
+    said = "mesh.points = 9: matrices take 3 GB each, and 2.5 GB are free here; use fewer"
+    assert memory.shortage(*asked, note=" each") == said
+    comm: Any = SimpleNamespace(allgather=lambda each: [each])
+    with pytest.raises(RuptfxError, match=re.escape(said)):
+        memory.refuse_shortage(comm, *asked, note=" each")
+    for free in (3e9, None):
+        monkeypatch.setattr(memory, "available", lambda free=free: free)
+        assert memory.shortage(*asked) == ""
+        memory.refuse_shortage(comm, *asked)
+
+
 @pytest.mark.parametrize("precision, per_node", [("double", 245.0), ("single", 245.0 - 4 * (2 + 2 + 3))])
 def test_memory_of_several_ranks_on_one_machine(
     precision: str, per_node: float, monkeypatch: pytest.MonkeyPatch
@@ -833,14 +852,15 @@ def test_memory_of_several_ranks_on_one_machine(
     In single precision velocity, force and three inverse masses have 4 bytes less.
     """
     from ruptfx import RuptfxError
+    from ruptfx.platform import memory
     from ruptfx.run import cost
 
-    comm = SimpleNamespace(size=4, Split_type=lambda kind: SimpleNamespace(size=2))
+    comm = SimpleNamespace(size=4, Split_type=lambda kind: SimpleNamespace(size=2), allgather=lambda each: [each] * 4)
     least = 2 * 160e6 + 2 * 13 * 5 * per_node / 2
     of_order_2 = case({"order": 2, "precision": precision})
-    monkeypatch.setattr(cost, "available", lambda: least + 1)
+    monkeypatch.setattr(memory, "available", lambda: least + 1)
     cost.need_memory(of_order_2, comm)
-    monkeypatch.setattr(cost, "available", lambda: least - 1)
+    monkeypatch.setattr(memory, "available", lambda: least - 1)
     with pytest.raises(RuptfxError):
         cost.need_memory(of_order_2, comm)
 

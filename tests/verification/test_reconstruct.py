@@ -41,7 +41,7 @@ from ruptfx.many_runs.reconstruction.law_fit import LawFit
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, Rows, likeliest, stretched
 from ruptfx.many_runs.reconstruction.result import Curves, Reconstruction, Surface
 from ruptfx.many_runs.reconstruction.twin import Knots, Tractions, Twin
-from ruptfx.platform import launch
+from ruptfx.platform import launch, memory
 from ruptfx.readings.instruments.model_readings import ModelReadings
 from ruptfx.readings.misfits import Trace
 
@@ -911,7 +911,7 @@ def test_memory_and_runs_are_refused_before_a_run(monkeypatch: pytest.MonkeyPatc
         return True
 
     assert accepted(case)
-    monkeypatch.setattr(needs, "available", lambda: 1e5)
+    monkeypatch.setattr(memory, "available", lambda: 1e5)
     text = refused(case)
     steps, count = twin.knots.steps, len(twin.position)
     responses = 8 * 2 * count * 18 * (steps + twin.knots.count)  # two components, 18 channels
@@ -921,7 +921,7 @@ def test_memory_and_runs_are_refused_before_a_run(monkeypatch: pytest.MonkeyPatc
     for short in shorts:
         with monkeypatch.context() as few:
             asked = case.changed("reconstruction", {**SOLID_PRIOR, **short})
-            few.setattr(needs, "available", lambda: 1e9)
+            few.setattr(memory, "available", lambda: 1e9)
             few.setattr(needs, "MOST_RUNS", 50)
             text = refused(asked)
             assert "reconstruction.length = " in text and "at most 50 are made" in text
@@ -931,7 +931,7 @@ def test_memory_and_runs_are_refused_before_a_run(monkeypatch: pytest.MonkeyPatc
             assert accepted(case.changed("reconstruction", {**SOLID_PRIOR, **short, **longer}))
     # Lengths of the likelihood are known after the responses; here memory is for fewer modes than they have.
     made = needs.Needs(2 * count, count, twin.knots.count, steps, 18, 18, 300, 1)
-    monkeypatch.setattr(needs, "available", lambda: made.bytes(50, 14))
+    monkeypatch.setattr(memory, "available", lambda: made.bytes(50, 14))
     assert case.reconstruction is not None
     likely = case.reconstruction.model_copy(update={"length": None, "dip_length": None, "time": None})
     needs.refuse_large(made, twin, likely)

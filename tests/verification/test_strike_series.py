@@ -33,7 +33,7 @@ from ruptfx.interfaces.section import Section
 from ruptfx.laws.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.laws.materials.orthotropic_elastic import OrthotropicElastic
 from ruptfx.laws.materials.stiffness import linear_stiffness
-from ruptfx.platform import fem
+from ruptfx.platform import fem, memory
 from ruptfx.results.record import Record
 from ruptfx.run.model import Model
 from ruptfx.run.recording.recorder import Recorder
@@ -293,7 +293,7 @@ def test_contact_varies_down_dip_only(axis: int, monkeypatch: pytest.MonkeyPatch
 
 def test_refuses_matrices_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """9 wavenumbers and 9 points of 3 by 2 components are 35 kB."""
-    monkeypatch.setattr(strike_series, "available", lambda: 3e4)
+    monkeypatch.setattr(memory, "available", lambda: 3e4)
     case = faulted()
     with pytest.raises(RuptfxError, match=facts(r"points = 16.*3\.5e-05 GB.*3e-05 GB")):
         case.stepper.bind(Model(case, fem.MPI.COMM_SELF))

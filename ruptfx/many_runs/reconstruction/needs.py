@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from ruptfx.input.quantities import at_least, with_prefix
 from ruptfx.input.schema import CaseError
 from ruptfx.many_runs.reconstruction.posterior import count_modes, stretched
-from ruptfx.platform import parallel
-from ruptfx.platform.memory import available
+from ruptfx.platform import memory, parallel
 
 if TYPE_CHECKING:
     from ruptfx.many_runs.adjoint.readings import Readings
@@ -95,13 +94,10 @@ def refuse_large(
 
 
 def _refuse(needs: Needs, twin: Twin, settings: Settings, length: float | None, time: float | None) -> None:
-    free = available()
-    if free is not None and needs.responses > free:
-        raise CaseError(
-            f"objective: responses of {needs.channels} channels at {needs.points} points and {needs.steps} steps take "
-            f"{needs.responses / 1e9:.3g} GB, and {free / 1e9:.3g} GB are free; leave out channels, or late data with "
-            "end, or use a larger mesh.element_size"
-        )
+    of_channels = f"responses of {needs.channels} channels at {needs.points} points and {needs.steps} steps"
+    remedy = "leave out channels, or late data with end, or use a larger mesh.element_size"
+    if text := memory.shortage("objective", of_channels, needs.responses, remedy):
+        raise CaseError(text)
     length, time = length or settings.length, time or settings.time
     if length is None:
         return
@@ -113,7 +109,7 @@ def _refuse(needs: Needs, twin: Twin, settings: Settings, length: float | None, 
         return twin.geometry.tangents * count_modes(positions, factor * length, order=settings.order)
 
     def fits(count: int) -> bool:
-        return count <= MOST_RUNS and (free is None or needs.bytes(count, in_time) <= free)
+        return count <= MOST_RUNS and not memory.shortage("", "", needs.bytes(count, in_time), "")
 
     if fits(count := modes(1.0)):
         return
@@ -122,12 +118,11 @@ def _refuse(needs: Needs, twin: Twin, settings: Settings, length: float | None, 
     if factor is not None:
         both = "" if dip_length is None else f" and dip_length = {_text(factor * dip_length)}"
         remedy = f"set length = {_text(factor * length)}{both}, or a larger one"
-    memory = f"{needs.bytes(count, in_time) / 1e9:.3g} GB"
-    bound = f"at most {MOST_RUNS} are made" if count > MOST_RUNS or free is None else f"{free / 1e9:.3g} GB are free"
-    raise CaseError(
-        f"reconstruction.length = {_text(length)}{'' if settings.length else ' (of the likelihood)'}: the prior has "
-        f"{count} modes along the interface, which take as many runs and {memory}, and {bound}; {remedy}"
-    )
+    key = f"reconstruction.length = {_text(length)}{'' if settings.length else ' (of the likelihood)'}"
+    use = f"{count} modes of the prior along the interface"
+    if count > MOST_RUNS:
+        raise CaseError(f"{key}: {use} take as many runs, and at most {MOST_RUNS} are made; {remedy}")
+    raise CaseError(memory.shortage(key, use, needs.bytes(count, in_time), remedy, " and as many runs"))
 
 
 def _text(length: float) -> str:

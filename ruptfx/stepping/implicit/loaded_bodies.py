@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from ruptfx import RuptfxError
 from ruptfx.bodies.space.inside import CellBoxes, Inside
 from ruptfx.platform import parallel
-from ruptfx.platform.memory import available
+from ruptfx.platform.memory import refuse_shortage
 from ruptfx.stepping.implicit import ConvergenceError
 from ruptfx.stepping.implicit.compliance import Compliance, Jumps, norm
 from ruptfx.stepping.implicit.condensed import blockwise_product, count_jumps
@@ -55,16 +54,13 @@ def need_memory(model: System) -> None:
     ------
     RuptfxError
     """
-    free, need, error = available(), matrix_bytes(model), None
-    here = parallel.ranks_here(model.comm)
-    if free is not None and need * here > free:
-        error = RuptfxError(
-            f"stepper.kind = 'quasi_dynamic': {count_jumps(model)} jump components take dense matrices of "
-            f"{need * here / 1e9:.3g} GB, {need / 1e9:.3g} GB for each of {here} ranks, and {free / 1e9:.3g} GB are "
-            "free; use fewer ranks, twice the mesh.element_size, which takes a quarter in 2D and a sixteenth in 3D, or "
-            "mesh.along_strike for a section that repeats along strike"
-        )
-    parallel.raise_on_all(model.comm, error)
+    need, here = matrix_bytes(model), parallel.ranks_here(model.comm)
+    refuse_shortage(
+        model.comm, "stepper.kind = 'quasi_dynamic'", f"dense matrices of {count_jumps(model)} jump components",
+        need * here, "use fewer ranks, twice the mesh.element_size, which takes a quarter in 2D and a sixteenth in 3D, "
+        "or mesh.along_strike for a section that repeats along strike",
+        f", {need / 1e9:.3g} GB for each of {here} ranks",
+    )  # fmt: skip
 
 
 class LoadedBodies:

@@ -20,9 +20,8 @@ import scipy.fft
 from scipy.linalg import solve
 from scipy.sparse import csr_matrix, diags
 
-from ruptfx import RuptfxError
 from ruptfx.platform import fem, parallel
-from ruptfx.platform.memory import available
+from ruptfx.platform.memory import refuse_shortage
 from ruptfx.stepping.implicit.compliance import Decomposed
 from ruptfx.stepping.implicit.stored import StoredParts, checksum_of
 
@@ -160,15 +159,12 @@ class StrikeSeries:
         ------
         RuptfxError
         """
-        free, need = available(), Work(len(self.wavenumbers), self.size, 0).bytes
-        here = parallel.ranks_here(self.comm)
-        if free is not None and need * here / self.comm.size > free:
-            parallel.raise_on_all(self.comm, RuptfxError(
-                f"mesh.along_strike: points = {self.points} and {self.size} points of the section give matrices of "
-                f"{need / 1e9:.3g} GB, and {free / 1e9:.3g} GB are free; half of both is an eighth of it, or spread "
-                "the ranks over several machines"
-            ))  # fmt: skip
-        parallel.raise_on_all(self.comm, None)
+        need, here = Work(len(self.wavenumbers), self.size, 0).bytes, parallel.ranks_here(self.comm)
+        refuse_shortage(
+            self.comm, f"mesh.along_strike.points = {self.points}",
+            f"matrices of its wavenumbers and of {self.size} points of the section", need * here / self.comm.size,
+            "half of both is an eighth of it, or spread the ranks over several machines",
+        )  # fmt: skip
 
     @property
     def report(self) -> str:

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ruptfx import RuptfxError
 from ruptfx.input.schema import CaseError
 from ruptfx.platform import fem, parallel
-from ruptfx.platform.memory import available
+from ruptfx.platform.memory import refuse_shortage
 from ruptfx.stepping.implicit.options import PetscOptions
 from ruptfx.stepping.implicit.tangent import Tangent
 
@@ -145,13 +144,13 @@ def need_memory(model: System, kind: type[Preconditioner]) -> None:
     RuptfxError
         On all ranks; the message gives the memory and the remedy.
     """
-    levels, free, error = kind.sizes(model), available(), None
+    levels = kind.sizes(model)
+    if not levels:
+        return
     need = sum(level.bytes for level in levels) * parallel.ranks_here(model.comm) / model.comm.size
-    if free is not None and need > free:
-        part = {2: "a quarter", 3: "an eighth"}[model.mesh.geometry.dim]
-        error = RuptfxError(
-            f"mesh: {levels[0].unknowns} unknowns of implicit steps take {need / 1e9:.3g} GB in the levels of "
-            f"multigrid, and {free / 1e9:.3g} GB are free here; twice the mesh.element_size takes {part} of it. Else "
-            "let elements grow away from the interface (mesh.growth), or spread the ranks over several machines"
-        )
-    parallel.raise_on_all(model.comm, error)
+    part = {2: "a quarter", 3: "an eighth"}[model.mesh.geometry.dim]
+    refuse_shortage(
+        model.comm, "mesh", f"{levels[0].unknowns} unknowns of implicit steps", need,
+        f"twice the mesh.element_size takes {part} of it. Else let elements grow away from the interface "
+        "(mesh.growth), or spread the ranks over several machines", " in the levels of multigrid",
+    )  # fmt: skip
