@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from ruptfx import RuptfxError, Table
 from ruptfx.case import Case, override, read_case
-from ruptfx.input.schema import CaseError, dotted_keys, nearest, value_at
+from ruptfx.input.schema import CaseError, dotted_keys, value_at
 from ruptfx.many_runs.convergence.estimates import Estimate, Row, estimate, unresolved
 from ruptfx.many_runs.convergence.readings import readings, shared
 from ruptfx.many_runs.study.definition import Study
@@ -131,7 +131,7 @@ def _study(
     members: dict[str, list[str]] = {}
     for family in of:
         if family not in FAMILIES:
-            raise RuptfxError(f"--of {family}: {nearest(family, list(FAMILIES))}")
+            raise RuptfxError(f"--of {family}: give {', '.join(FAMILIES)}, or {','.join(FAMILIES)}")
         values = _mesh_keys(case) if family == "mesh" else _step_keys(case)
         keys |= values
         members[family] = list(values)
