@@ -7,7 +7,8 @@ the exact posterior contain 68 % of the truth in the mean over points, times and
 and posterior are right; with `--fine` also where each experiment has the prior that its data make likeliest. Tractions
 of runs with the mean slip rate are compared where the deviation of runs with samples is below 5 % of their largest
 change. A spontaneous rupture with linear slip weakening is no such field: lengths that maximise the likelihood give the
-part of it in bands and its final slip, over 40 realisations of the noise.
+part of it in bands and its final slip, over 40 realisations of the noise. With `--fine` also those of a rupture of a
+surface in 3D, from gauges on free faces (`_surface_rupture.py`), where the aims are missed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._surface_rupture import CHOSEN, LAYOUTS, SIDES, TOP, SurfaceRupture
 from ruptfx import Table, simulate
 from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
@@ -222,6 +224,27 @@ def rupture(fine: Bodies, coarse: Bodies) -> dict[str, Floats | float]:
     }  # fmt: skip
 
 
+def surface_rupture(comm: MPI.Comm) -> list[Check]:
+    """Return the numbers of a rupture of a surface from gauges on free faces."""
+    made, checks = SurfaceRupture(comm), []
+    sets = f"{LAYOUTS} sets of {CHOSEN} of {len(TOP + SIDES)} rosettes"
+    for scales, about in ((made.of_page, "lengths of the sensors"), (made.likely(), "likeliest lengths")):
+        everywhere, only_top = made.coverage(scales), made.coverage(scales, only_top=True)
+        error, _, part = made.traction(scales)
+        checks += [
+            Check(f"rupture of a surface, {about}: slip rates within 68 % bands where it is known, {sets}", 68.0,
+                  100 * everywhere.part, 4.0, "%", "normal distribution"),
+            Check(f"the same from the {len(TOP)} rosettes of the top face", 68.0, 100 * only_top.part, 4.0, "%",
+                  "normal distribution"),
+            Check("the same, tractions of all rosettes", 68.0, 100 * part, 4.0, "%", "normal distribution"),
+            *(Check(f"rupture of a surface, {about}: {what}, RMS error over the largest", 0.0, value, 0.05, "1",
+                    "run that made the data")
+              for what, value in (("slip rates", everywhere.error), ("final slip", everywhere.slip),
+                                  ("change of tractions", error))),
+        ]  # fmt: skip
+    return checks
+
+
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     begun = time.process_time()
     data, twin = (Bodies(part * SPACING / (2 if fine else 1), comm) for part in (0.5, 1.0))
@@ -248,6 +271,8 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
               0.05, "1", "run that made the data"),
         Check("CPU time of both set-ups with 16 responses each", 60.0, set_up, 0.0, "s", "", "at most", timing=True),
     ]  # fmt: skip
+    if fine:
+        checks += surface_rupture(comm)
     return Outcome(checks, lambda: _draw(ruptured, twin))
 
 
