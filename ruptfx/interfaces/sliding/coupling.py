@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx.interfaces.sliding.surface import Floats, Integers
+from ruptfx.platform.codegen import native
+from ruptfx.platform.codegen.native import address
 
 COLUMNS = 8  # rows of B are padded to a multiple of this
 REACH = 10  # largest distance of paired surfaces, in facets of either side
@@ -18,6 +23,14 @@ SLIVER = 1e-9  # part of a facet: smaller overlaps are not integrated
 def whole(columns: int) -> int:
     """Return the next multiple of `COLUMNS`."""
     return -(-columns // COLUMNS) * COLUMNS
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    source = files("ruptfx.interfaces.sliding").joinpath("coupling.c").read_text()
+    library = native.load("coupling", source)
+    library.longest_column.restype = ctypes.c_long
+    return library
 
 
 @dataclass(frozen=True)
@@ -53,8 +66,11 @@ class Coupling:
         """Return B times values at the nodes of the other side, shape (nodes, ...)."""
         if not self.nodes:
             return np.zeros((len(self.first), *nodal.shape[1:]))
-        values: Floats = np.einsum("ij,ij...->i...", self.values, nodal[self.columns])
-        return values
+        columns, nodal = self.columns, np.ascontiguousarray(nodal, dtype=float)
+        result = np.zeros((len(self.first), *nodal.shape[1:]))
+        components = int(np.prod(nodal.shape[1:]))
+        _library().multiply(*self._arguments(columns), ctypes.c_long(components), *map(address, (nodal, result)))
+        return result
 
     def squared(self) -> Coupling:
         """Return the matrix with the squares of all entries."""
@@ -62,25 +78,31 @@ class Coupling:
 
     def transposed(self) -> Coupling:
         """Return B': the points paired with every node of the other side, consecutive ones if B has such nodes."""
-        point, column = np.nonzero(self.values)
-        node, n, values_in_order = self.columns[point, column], len(self.first), self.values[point, column]
-        first = np.zeros(self.nodes, dtype=np.int64)
-        first[node[::-1]] = point[::-1]  # in order: the last assignment counts
+        n, first = len(self.first), np.zeros(self.nodes, dtype=np.int64)
         if self.listed is None:
+            point, column = np.nonzero(self.values)
+            node, values_in_order = self.columns[point, column], self.values[point, column]
+            first[node[::-1]] = point[::-1]  # in order: the last assignment counts
             last = np.zeros(self.nodes, dtype=np.int64)
             last[node] = point
             values = np.zeros((self.nodes, whole(int(np.max(last - first, initial=0)) + 1)))
             values[node, point - first[node]] = values_in_order
             return Coupling(first, values, n)
-        count = np.bincount(node, minlength=self.nodes)
-        small = np.uint16 if self.nodes <= 2**16 else np.int64  # NumPy sorts small integers by radix, ten times faster
-        sorted_by_node = np.argsort(node.astype(small), kind="stable")
-        node, point = node[sorted_by_node], point[sorted_by_node]
-        place = np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
-        width = whole(int(np.max(count, initial=1)))
-        values, listed = np.zeros((self.nodes, width)), np.repeat(first[:, None], width, axis=1)
-        values[node, place], listed[node, place] = values_in_order[sorted_by_node], point
+        arguments, counts = self._arguments(self.listed), np.zeros((2, self.nodes), dtype=np.int64)
+        width = whole(max(_library().longest_column(*arguments, address(counts[0])), 1))
+        values, listed = np.zeros((self.nodes, width)), np.empty((self.nodes, width), dtype=np.int64)
+        _library().transpose(
+            *arguments,
+            ctypes.c_long(self.nodes),
+            ctypes.c_long(width),
+            *map(address, (counts[1], first, values, listed)),
+        )
         return Coupling(first, values, n, listed)
+
+    def _arguments(self, columns: Integers) -> list[object]:
+        """Return rows, width, values and nodes as arguments of coupling.c."""
+        assert self.values.flags.c_contiguous and columns.flags.c_contiguous
+        return [*map(ctypes.c_long, self.values.shape), address(self.values), address(columns)]
 
     def nearest(self) -> Integers:
         """Return the node with the largest weight of every point."""

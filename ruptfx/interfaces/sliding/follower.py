@@ -42,6 +42,7 @@ class Follower:
         self._fault, self.face = fault, face
         self._made: State | None = None  # the state that the geometry belongs to
         self._room = 0.0  # lower bound of the slip until the next update [m]
+        self._followed = np.zeros(0)  # displacement of the last update at the nodes of both sides [m]
         self._cohesion = fault.traced_cohesion()
         self._large = LARGE  # threshold of the next warning
 
@@ -53,11 +54,10 @@ class Follower:
         is_current = self._made is state and self._room > 0  # no point has slid far enough
         if is_current and geometry.all_covered:
             return
-        followed, slip_then = self._recall(state)
+        _, slip_then = self._recall(state)
         if not len(face.plus):
             return
-        dofs = face.dofs
-        moved = not geometry.all_covered and np.abs(state.displacement[dofs] - followed[dofs]).max() > face.near
+        moved = not geometry.all_covered and geometry.largest_difference(state.displacement, self._followed) > face.near
         if is_current and not moved:
             return
         slip = face.jump(state.displacement)[:, 1:]
@@ -142,8 +142,9 @@ class Follower:
     def _follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
         dofs, nodal = self.face.dofs, (-1, self.face.geometry.dim)
         begun = None if before is None else before[dofs].reshape(nodal)
+        self._followed = displacement[dofs]
         try:
-            self.face.geometry.follow(displacement[dofs].reshape(nodal), slip, begun)
+            self.face.geometry.follow(self._followed.reshape(nodal), slip, begun)
         except RuptfxError as error:
             raise RuptfxError(f"faults.{self._fault.name}: {error}") from None
 

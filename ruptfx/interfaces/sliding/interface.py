@@ -58,7 +58,9 @@ class Table(ctypes.Structure):
 
 @cache
 def _library(dim: int) -> ctypes.CDLL:
-    return native.load("jump", JUMP.read_text(), {"COMPONENTS": dim})
+    library = native.load("jump", JUMP.read_text(), {"COMPONENTS": dim})
+    library.largest_difference.restype = ctypes.c_double
+    return library
 
 
 class Geometry:
@@ -91,6 +93,8 @@ class Geometry:
         Upper bound of the slip of all points in the next step, infinite if unknown [m].
     table : Table
         The same data for the C code.
+    across : ndarray
+        Vectors at the nodes of the other side, for the C code.
     """
 
     coupling: Coupling
@@ -105,6 +109,7 @@ class Geometry:
         self.nearest = np.zeros(n, dtype=np.int64)
         self._acting = np.zeros_like(self.frame)  # frames, zero for points without a partner
         self._dofs = self.dim * np.concatenate([plus.nodes, minus.nodes])
+        self.across = np.zeros(0)
         self.coupling = self.opposite = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
         self.covered, self.all_covered = np.zeros(0, dtype=bool), True
         self.revision, self.table, self.slides = 0, Table(), np.inf
@@ -166,6 +171,7 @@ class Geometry:
             (begin, values, nodes), (paired, transposed, points) = _entries(coupling), _entries(back)
             rows = begin, values, paired, transposed
             arrays = *np.zeros((2, m, STRIDE)), np.zeros((n + LANES, STRIDE)), nodes, points
+        self.across = arrays[0]
         self._arrays = (self._dofs, *rows, self._acting, self.weight, *arrays)
         self.table = Table(n, m, columns, width, *(array.ctypes.data for array in self._arrays))
 
@@ -178,6 +184,11 @@ class Geometry:
     def assemble(self, traction: Floats, out: Floats) -> None:
         """Add J' W traction to `out`."""
         _library(self.dim).assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
+
+    def largest_difference(self, field: Floats, values: Floats) -> float:
+        """Return the largest difference of a field from values at all `dofs` of both sides."""
+        size: float = _library(self.dim).largest_difference(ctypes.byref(self.table), _pointer(field), _pointer(values))
+        return size
 
     def opposite_values(self, values: Floats) -> Floats:
         """Return values of the minus side interpolated to the points; NaN for points without a partner."""
@@ -215,11 +226,11 @@ def turned_frame(normal: Floats, reference: Floats | None) -> Floats:
     return np.asarray(frame)
 
 
-def _entries(coupling: Coupling) -> tuple[Integers, Floats, Integers]:
+def _entries(coupling: Coupling) -> tuple[Integers, Floats, NDArray[np.int32]]:
     """Return the first entry of every row, and value and node of all entries that are not zero."""
     chosen = coupling.values != 0
     begin = np.concatenate([[0], np.cumsum(chosen.sum(axis=1))])
-    return begin, coupling.values[chosen], np.ascontiguousarray(coupling.columns[chosen], dtype=np.int64)
+    return begin, coupling.values[chosen], np.ascontiguousarray(coupling.columns[chosen], dtype=np.int32)
 
 
 def _pointer(array: Floats) -> ctypes.c_void_p:

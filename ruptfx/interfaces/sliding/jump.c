@@ -11,6 +11,7 @@ enum { RUN = 8 };
 #define ADD(x, y, z) ((x) + (y) + (z))
 #endif
 #define SQUARE (COMPONENTS * COMPONENTS)
+#define ACROSS(c, j) f->across[PLACE(c, j)]
 #define EACH_COMPONENT for (int c = 0; c < COMPONENTS; c++)
 
 struct pairing {
@@ -25,11 +26,11 @@ struct pairing {
     const double *weight;     // n
     double *across, *back;    // vectors at the nodes of the other side, and the forces on them
     double *forces;           // forces at the points
-    const long *nodes, *points;  // in space: the node of every entry of B, the point of every entry of B'
+    const int *nodes, *points;   // in space: the node of every entry of B, the point of every entry of B'
 };
 
 #if COMPONENTS == 2
-#define ACROSS(c, j) f->across[(c) * (f->m + f->columns) + (j)]
+#define PLACE(c, j) ((c) * (f->m + f->columns) + (j))  // of a component at a node of the other side
 #define BACK(c, j) f->back[(c) * (f->m + f->columns) + (j)]
 #define FORCES(c, i) f->forces[(c) * (f->n + f->width) + (i)]
 
@@ -58,10 +59,11 @@ static inline __attribute__((always_inline)) void product(const double *each, lo
     result[0] = total(of_x), result[1] = total(of_y);
 }
 
-// B times the vectors at the nodes of the other side, of point i.
-static inline __attribute__((always_inline)) void opposite_mean(const struct pairing *f, long i, double mean[2])
+// B times vectors at the nodes of the other side, of point i.
+static inline __attribute__((always_inline)) void opposite_mean(const struct pairing *f, const double *vectors, long i,
+                                                                double mean[2])
 {
-    const double *x = f->across + f->first[i];
+    const double *x = vectors + f->first[i];
     product(f->coupling + i * f->columns, f->columns, x, x + f->m + f->columns, mean);
 }
 
@@ -75,14 +77,14 @@ static inline __attribute__((always_inline)) void react(const struct pairing *f,
 }
 #else
 enum { STRIDE = 4 };  // a vector and a filler, so that processors read it at once
-#define ACROSS(c, j) f->across[STRIDE * (j) + (c)]
+#define PLACE(c, j) (STRIDE * (j) + (c))
 #define BACK(c, j) f->back[STRIDE * (j) + (c)]
 #define FORCES(c, i) f->forces[STRIDE * (i) + (c)]
 
 typedef double vector __attribute__((vector_size(STRIDE * sizeof(double)), aligned(8), may_alias));
 
 // Entries `begin` to `end` of a row times the vectors at their nodes.
-static inline __attribute__((always_inline)) void product(const double *values, const long *nodes, long begin, long end,
+static inline __attribute__((always_inline)) void product(const double *values, const int *nodes, long begin, long end,
                                                           const double *vectors, double *result)
 {
     vector even = {0}, odd = {0};
@@ -96,10 +98,11 @@ static inline __attribute__((always_inline)) void product(const double *values, 
     EACH_COMPONENT result[c] = even[c];
 }
 
-// B times the vectors at the nodes of the other side, of point i.
-static inline __attribute__((always_inline)) void opposite_mean(const struct pairing *f, long i, double *mean)
+// B times vectors at the nodes of the other side, of point i.
+static inline __attribute__((always_inline)) void opposite_mean(const struct pairing *f, const double *vectors, long i,
+                                                                double *mean)
 {
-    product(f->coupling, f->nodes, f->first[i], f->first[i + 1], f->across, mean);
+    product(f->coupling, f->nodes, f->first[i], f->first[i + 1], vectors, mean);
 }
 
 // back = B' times the forces of the points, of node j of the other side.
@@ -120,11 +123,25 @@ void jump(const struct pairing *f, const double *field, double *local)
     for (long i = 0; i < f->n; i++) {
         const double *frame = f->frame + SQUARE * i, *own = field + f->dofs[i];
         double mean[COMPONENTS];
-        opposite_mean(f, i, mean);
+        opposite_mean(f, f->across, i, mean);
         for (int k = 0; k < COMPONENTS; k++, frame += COMPONENTS)
             local[COMPONENTS * i + k] =
                 ADD(frame[0] * (own[0] - mean[0]), frame[1] * (own[1] - mean[1]), frame[2] * (own[2] - mean[2]));
     }
+}
+
+// Largest difference of a field from `values` at the nodes of both sides, in any component.
+double largest_difference(const struct pairing *f, const double *field, const double *values)
+{
+    double largest = 0;
+    for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(field + f->dofs[i]);
+    for (long i = 0; i < f->n + f->m; i++)
+        EACH_COMPONENT {
+            const double difference = field[f->dofs[i] + c] - values[COMPONENTS * i + c];
+            const double size = difference < 0 ? -difference : difference;
+            largest = size > largest ? size : largest;
+        }
+    return largest;
 }
 
 // field += J' W local.

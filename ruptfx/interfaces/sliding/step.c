@@ -1,7 +1,8 @@
 // The step of a sliding interface; behind points.c and jump.c. Rigid contact in sweeps: all points at once,
 // from the velocities after the tractions of the last sweep and the fields at the beginning of the step, until
-// tractions converge. The first sweep and the last one, which also writes the fields, are over all points; others
-// are over blocks of points that share a paired node with one whose tractions have changed.
+// tractions converge. The last sweep, which also writes the fields, is over all points; others are over blocks of points
+// that share a paired node with one whose tractions have changed. They skip blocks that cannot close: an open point
+// remains open, whatever changes, until the other side has changed its velocity by the margin of its trial stress.
 
 // Arrays: component after component (normal and tangents, or x, y and z), points filled up to whole blocks with zeros.
 struct sweeps {
@@ -22,7 +23,13 @@ struct sweeps {
     unsigned char *changed; // parts where forces have changed in this sweep
     long *upto;             // how many parts before each, and in all, changed in the last one
     const long *listed;     // in space: the parts paired with every block
+    const double *spread;   // largest sum of the sizes of a row of B in every block
+    double *limit;          // change of velocities on the other side in this step below which every block remains open [m/s]
+    unsigned char *ever;    // parts where velocities have changed since the first rates of this step were computed
+    double *displaced;      // displacements of the other side
 };
+
+#define ROUNDED 1e-9  // part of a velocity that is left to rounding when blocks are skipped
 
 enum { CHANGED = 1, UNSETTLED = 2 };  // flags of changed forces: at all, and beyond the tolerance
 
@@ -33,14 +40,14 @@ INLINE long filled(const struct pairing *f) { return (f->n + LANES - 1) / LANES 
          first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
 // Quantities of a block less the mean of its partners, in its frame.
-INLINE void relative_motion(const struct pairing *f, const struct sweeps *s, long first, int count, const lanes *own,
-                            double *local)
+INLINE void relative_motion(const struct pairing *f, const struct sweeps *s, const double *across, long first, int count,
+                            const lanes *own, double *local)
 {
     const long points = filled(f);
     lanes difference[COMPONENTS];
     for (int l = 0; l < LANES; l++) {
         double mean[COMPONENTS] = {0};
-        if (l < count) opposite_mean(f, first + l, mean);
+        if (l < count) opposite_mean(f, across, first + l, mean);
         EACH_COMPONENT difference[c][l] = own[c][l] - mean[c];
     }
     for (int k = 0; k < COMPONENTS; k++) {
@@ -51,20 +58,20 @@ INLINE void relative_motion(const struct pairing *f, const struct sweeps *s, lon
 }
 
 // A field at the nodes of the other side; its first component at every node is at `places`.
-INLINE void gather_opposite(const struct pairing *f, const double *field, const long *places)
+INLINE void gather_opposite(const struct pairing *f, const double *field, const long *places, double *across)
 {
     for (long j = 0; j < f->m; j++)
-        EACH_COMPONENT ACROSS(c, j) = field[places[f->n + j] + c];
+        EACH_COMPONENT across[PLACE(c, j)] = field[places[f->n + j] + c];
 }
 
 // J of that field, of a block.
-INLINE void jump_of(const struct pairing *f, const struct sweeps *s, const double *field, const long *places, long first,
-                    int count, double *local)
+INLINE void jump_of(const struct pairing *f, const struct sweeps *s, const double *field, const long *places,
+                    const double *across, long first, int count, double *local)
 {
     lanes own[COMPONENTS] = {{0}};
     for (int l = 0; l < count; l++)
         EACH_COMPONENT own[c][l] = field[places[first + l] + c];
-    relative_motion(f, s, first, count, own, local);
+    relative_motion(f, s, across, first, count, own, local);
 }
 
 // Rates of the jump of a block from the velocities as they are.
@@ -76,7 +83,7 @@ INLINE void rates_of(const struct pairing *f, const struct sweeps *s, long first
         const double *begun = s->begun + c * nodes + first, *push = s->push + c * nodes + first;
         EACH_LANE own[c][l] = begun[l] - push[l] * FORCES(c, first + l);
     }
-    relative_motion(f, s, first, count, own, s->rate);
+    relative_motion(f, s, f->across, first, count, own, s->rate);
 }
 
 // Forces of the tractions of a block: whether they have changed.
@@ -103,18 +110,28 @@ INLINE int update_forces(const struct pairing *f, const struct sweeps *s, long f
 }
 
 // When the tractions of all blocks are known: forces where they have changed on the other side, and velocities there.
-INLINE void meet(const struct pairing *f, const struct sweeps *s)
+// Return the largest change of a velocity.
+INLINE double meet(const struct pairing *f, const struct sweeps *s)
 {
     const long points = filled(f), nodes = points + f->m;
+    double largest = 0;
     for (long part = 0; part < s->parts; part++) {
         if (!s->changed[part]) continue;
+        s->ever[part] = 1;
         const long first = part * RUN, end = first + RUN < f->m ? first + RUN : f->m;
         for (long j = first; j < end; j++) react(f, j);
+        double square[RUN] = {0};
         EACH_COMPONENT {
             const double *begun = s->begun + c * nodes + points, *push = s->push + c * nodes + points;
-            for (long j = first; j < end; j++) ACROSS(c, j) = begun[j] + push[j] * BACK(c, j);
+            for (long j = first; j < end; j++) {
+                const double now = begun[j] + push[j] * BACK(c, j), change = now - ACROSS(c, j);
+                square[j - first] += change * change;
+                ACROSS(c, j) = now;
+            }
         }
+        for (int l = 0; l < RUN; l++) largest = fmax(largest, square[l]);
     }
+    return sqrt(largest);
 }
 
 // Count the parts that have changed, for `reached`, and begin anew.
@@ -165,16 +182,25 @@ INLINE int unconverged(const struct pairing *f, const struct sweeps *s, long fir
     return most > s->tolerance * largest;
 }
 
+// Return whether the first rates of a block are those of the present velocities: it was open in all sweeps, and no part that
+// it is paired with has changed.
+INLINE int keeps_rates(const struct sweeps *s, long first)
+{
+    if (!(s->limit[first / LANES] > 0)) return 0;
+    EACH_PART(first) if (s->ever[part]) return 0;
+    return 1;
+}
+
 // Initial values of the step of a block; in sweeps, rates and `given` tractions of the last one.
 INLINE void begin(const struct pairing *f, const struct sweeps *s, double *fixed, double *const *field, long first,
-                  int count, struct points *points, lanes *given)
+                  int count, int has_rates, struct points *points, lanes *given)
 {
     const long other = filled(f);
     lanes *const own = (lanes *)(fixed + first * FIXED_COUNT);
     points->fixed = (const lanes *)own;
     load(first, count, field, points);
     if (s->most) {
-        rates_of(f, s, first, count);
+        if (!has_rates) rates_of(f, s, first, count);
         for (int k = 0; k < COMPONENTS; k++) memcpy(given[k], s->traction + k * other + first, sizeof(lanes));
         memcpy(own[FIXED_normal_stress_0], given[0], sizeof(lanes));
         EACH_TANGENT memcpy(own[FIXED_shear_traction_0 + k], given[1 + k], sizeof(lanes));
@@ -203,18 +229,55 @@ INLINE int open(const struct times *times, const double *number, struct points *
     return any == 0;
 }
 
+// Set the limit of an open block. Its rates may differ from those of the trial by what the other side has changed since
+// `changed`; the trial stress falls by the impedance times the opening velocity (`ContactMethod.sweeps_to`).
+INLINE void keep_open(const struct sweeps *s, const struct points *points, long first, int count, double changed, double fastest)
+{
+    double least = INFINITY;
+    for (int l = 0; l < count; l++) least = fmin(least, -points->trial_normal[l] / FIXED(normal_impedance));
+    const double spread = s->spread[first / LANES];
+    s->limit[first / LANES] = changed + ((1 - ROUNDED) * least - ROUNDED * (1 + spread) * fastest) / spread;
+}
+
+// Find blocks that remain open at any velocities of a size, `fastest`, of both sides; the forces on open points are those of a
+// nucleation.
+INLINE void find_open(const struct pairing *f, const struct sweeps *s, const struct times *times, const double *number,
+                      double *fixed, double *const *field, double fastest)
+{
+    const long nodes = filled(f) + f->m;
+    struct points whole, *const points = &whole;
+    lanes given[COMPONENTS];
+    EACH_BLOCK {
+        double pushed = 0;
+        EACH_COMPONENT {
+            const double *push = s->push + c * nodes + first;
+            for (int l = 0; l < count; l++) pushed = fmax(pushed, fabs(push[l] * FORCES(c, first + l)));
+        }
+        const double closing = (1 + s->spread[first / LANES]) * fastest + COMPONENTS * pushed;
+        begin(f, s, fixed, field, first, (int)count, 1, points, given);
+        EACH_LANE points->velocity[0][l] = -closing;
+        s->limit[first / LANES] = 0;
+        if (open(times, number, points, given)) keep_open(s, points, first, (int)count, 0, fastest);
+    }
+}
+
 // One sweep, over all blocks or those that changes have reached: how many have changed, -1 for a point that failed.
+// `moved` is the sum of the largest changes of velocities on the other side. The first sweep, over all blocks, has their rates.
 INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct times *times, const double *number,
-                  double *fixed, double *const *field, double *result, int every, double *scale)
+                  double *fixed, double *const *field, double *result, int every, double *scale, double fastest, double *moved)
 {
     struct points whole, *const points = &whole;
     lanes given[COMPONENTS];
     long many = 0;
     turn(s, UNSETTLED);
     EACH_BLOCK {
-        if (!every && !reached(s, first)) continue;
-        begin(f, s, fixed, field, first, (int)count, points, given);
-        if (open(times, number, points, given)) continue;
+        if (*moved < s->limit[first / LANES] || (!every && !reached(s, first))) continue;
+        begin(f, s, fixed, field, first, (int)count, every, points, given);
+        if (open(times, number, points, given)) {
+            keep_open(s, points, first, (int)count, *moved, fastest);
+            continue;
+        }
+        s->limit[first / LANES] = 0;
         point(times, number, points);
         if (failed(first, (int)count, points, result)) return -1;
         double *normal = s->traction + first, *shear = normal + filled(f);
@@ -225,7 +288,7 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
         mark_changed(s, first, more ? UNSETTLED : CHANGED);
         many += more;
     }
-    meet(f, s);
+    *moved += meet(f, s);
     return many;
 }
 
@@ -238,36 +301,49 @@ INLINE void remember(const struct pairing *f, const struct sweeps *s, double *co
 }
 
 // Velocities before contact at the nodes of both sides, and the tractions of the step before, from which sweeps begin.
+// Return the largest traction; `fastest` is the largest velocity before contact, `moved` as in `sweep`.
 INLINE double start(const struct pairing *f, const struct sweeps *s, double *const *field, const double *displacement,
-                    const double *velocity)
+                    const double *velocity, double *fastest, double *moved)
 {
     const long points = filled(f), nodes = points + f->m;
     const lanes none[COMPONENTS] = {{0}};
-    double scale = 0;
+    double scale = 0, largest = 0;
     // Nodes are far apart in memory: all are prefetched before the first is needed.
     for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(displacement + f->dofs[i]);
     for (long i = 0; i < f->n + f->m; i++) {
         const long node = i < f->n ? i : points + i - f->n;
+        double square = 0;
         EACH_COMPONENT {
             const long at = c * nodes + node;
-            s->begun[at] = velocity[f->dofs[i] + c] + s->push[at] * s->initial[at];
+            const double begun = velocity[f->dofs[i] + c] + s->push[at] * s->initial[at];
+            s->begun[at] = begun;
+            square += begun * begun;
         }
+        largest = square > largest ? square : largest;
     }
-    gather_opposite(f, displacement, f->dofs);
-    EACH_BLOCK jump_of(f, s, displacement, f->dofs, first, (int)count, s->jump);
-    for (long i = 0; i < COMPONENTS * points; i++) s->jump[i] += s->offset[i];
+    *fastest = sqrt(largest), *moved = 0;
+    memset(s->limit, 0, points / LANES * sizeof(double));
+    gather_opposite(f, displacement, f->dofs, s->displaced);
     memset(s->changed, 0, s->parts);
     EACH_COMPONENT {
         for (long i = 0; i < points; i++) FORCES(c, i) = 0;
         for (long j = 0; j < f->m; j++) BACK(c, j) = 0, ACROSS(c, j) = s->begun[c * nodes + points + j];
     }
-    if (!s->most) return 0;
-    remember(f, s, field, 0, f->n);
-    EACH_BLOCK {
-        unconverged(f, s, first, none, &scale);
-        if (update_forces(f, s, first)) mark_changed(s, first, CHANGED);
+    if (s->most) {
+        remember(f, s, field, 0, f->n);
+        EACH_BLOCK {
+            unconverged(f, s, first, none, &scale);
+            if (update_forces(f, s, first)) mark_changed(s, first, CHANGED);
+        }
+        *moved = meet(f, s);
     }
-    meet(f, s);
+    memset(s->ever, 0, s->parts);
+    // One pass over the rows of B for both.
+    EACH_BLOCK {
+        jump_of(f, s, displacement, f->dofs, s->displaced, first, (int)count, s->jump);
+        if (s->most) rates_of(f, s, first, (int)count);
+    }
+    for (long i = 0; i < COMPONENTS * points; i++) s->jump[i] += s->offset[i];
     return scale;
 }
 
@@ -331,18 +407,19 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
 {
     struct points points;
     lanes dissipated = {0}, given[COMPONENTS] = {{0}};
-    double scale = start(f, s, field, displacement, velocity);
+    double fastest, moved, scale = start(f, s, field, displacement, velocity, &fastest, &moved);
     result[0] = 0, result[1] = -1;
     long done = 0, many = 1;
+    if (s->most > 1) find_open(f, s, times, number, fixed, field, fastest);
     for (; done + 1 < s->most && many; done++) {
-        many = sweep(f, s, times, number, fixed, field, result, done == 0, &scale);
+        many = sweep(f, s, times, number, fixed, field, result, done == 0, &scale, fastest, &moved);
         if (many < 0) return 0;
     }
     const int settled = many == 0;
     many = 0;
     turn(s, CHANGED);
     EACH_BLOCK {
-        begin(f, s, fixed, field, first, (int)count, &points, given);
+        begin(f, s, fixed, field, first, (int)count, keeps_rates(s, first), &points, given);
         point(times, number, &points);
         if (failed(first, (int)count, &points, result)) return 0;
         write_back((int)count, times, number, &points, dissipated);
@@ -357,8 +434,8 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
     turn(s, CHANGED);
     // Blocks without a changed partner have the rates of the last sweep still.
     if (s->most) EACH_BLOCK if (!s->parts || reached(s, first)) rates_of(f, s, first, (int)count);
-    gather_opposite(f, before, s->places);
-    EACH_BLOCK if (!s->most || acts(f, s, first)) jump_of(f, s, before, s->places, first, (int)count, s->before);
+    gather_opposite(f, before, s->places, f->across);
+    EACH_BLOCK if (!s->most || acts(f, s, first)) jump_of(f, s, before, s->places, f->across, first, (int)count, s->before);
     if (s->most) work_of(f, s, times->kick, fixed, result);
     else for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
     return settled || many == 0 ? done + 1 : 0;

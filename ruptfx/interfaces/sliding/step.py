@@ -5,7 +5,8 @@ projection and write-back are those of the step of a fault (`ruptfx.interfaces.f
 of displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact needs the jump of the displacement
 only, and one such step. Rigid contact is solved in sweeps (`ContactMethod.sweeps_to`): all points at once, from the
 velocities after the tractions of the last sweep, from the state at the beginning of the step. This is a Jacobi
-iteration, the same for any partition; the first sweep begins with the tractions of the previous step. The code is C,
+iteration, the same for any partition; the first sweep begins with the tractions of the previous step. Blocks of points
+that are so far open that they cannot close are skipped, which changes no bit. The code is C,
 `step.c`; the tests have the same with arrays (`tests/helpers/reference_sliding.py`).
 """
 
@@ -46,7 +47,11 @@ class _Sweeps(ctypes.Structure):
             (name, ctypes.c_void_p) for name in (
                 "push", "initial", "places", "begun", "frame", "offset", "load", "jump", "before", "traction", "rate",
             )
-        ), ("parts", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("reach", "changed", "upto", "listed")),
+        ), ("parts", ctypes.c_long), *(
+            (name, ctypes.c_void_p) for name in (
+                "reach", "changed", "upto", "listed", "spread", "limit", "ever", "displaced",
+            )
+        ),
     ]  # fmt: skip
 
 
@@ -154,6 +159,10 @@ class SlidingStep:
             changed,
             np.zeros(parts + 1, dtype=np.int64),
             np.zeros(0, dtype=np.int64),
+            np.zeros(filled // LANES),
+            np.zeros(filled // LANES),
+            np.zeros(parts, dtype=np.uint8),
+            np.zeros(0),
         ]
         self._sweeps = _Sweeps(
             sweeps, tolerance, *(array.ctypes.data for array in self._arrays), parts,
@@ -264,9 +273,9 @@ class SlidingStep:
         coupling = face.geometry.coupling
         both = own + coupling.squared() @ other
         if face.geometry.dim == 3 and coupling.nodes:  # a rigid side has none
-            across = np.zeros(coupling.nodes)
-            np.add.at(across, coupling.columns, np.abs(coupling.values) * face.weight[:, None])
-            row = replace(coupling, values=np.abs(coupling.values)) @ (across[:, None] * other)
+            sizes = replace(coupling, values=np.abs(coupling.values))
+            across = sizes.transposed() @ face.weight
+            row = sizes @ (across[:, None] * other)
             both = np.maximum(both, own + 0.5 * row / face.weight[:, None])
         mobility = np.einsum("ikc,ic->ik", face.frame**2, both)
         mobility += beside_diagonal(np.einsum("ikc,ic,ilc->ikl", face.frame, both, face.frame))
@@ -278,18 +287,23 @@ class SlidingStep:
         self._offset[:, :n] = face.geometry.offset.T
         self._points.refresh()
         self._area[:] = face.owned * face.weight
+        # As many values as the velocities on the other side, whose number a pairing of lines changes.
+        self._marks[7] = np.zeros_like(face.geometry.across)
+        self._sweeps.displaced = self._marks[7].ctypes.data
         self._find_reach()
         self._revision = face.geometry.revision
 
     def _find_reach(self) -> None:
         """Find the blocks of the other side that every block of points is paired with, of lines as a range."""
         coupling, n = self._face.geometry.coupling, len(self._face.plus)
-        paired = coupling.values != 0
+        paired, spread = coupling.values != 0, np.zeros(self._filled)
+        spread[:n] = np.abs(coupling.values).sum(axis=1)
+        self._marks[4][:] = spread.reshape(-1, LANES).max(axis=1)
         if self._face.geometry.dim == 3:
-            pairs = np.stack([np.nonzero(paired)[0] // LANES, coupling.columns[paired] // RUN], axis=1)
-            block, listed = np.unique(pairs, axis=0).T
-            begin = np.searchsorted(block, np.arange(self._filled // LANES + 1))
-            self._marks[0], self._marks[3] = begin.astype(np.int64), np.ascontiguousarray(listed, dtype=np.int64)
+            reached = np.zeros((self._filled // LANES, self._sweeps.parts), dtype=bool)
+            reached[np.nonzero(paired)[0] // LANES, coupling.columns[paired] // RUN] = True
+            begin = np.concatenate([[0], np.cumsum(np.count_nonzero(reached, axis=1))])
+            self._marks[0], self._marks[3] = begin, np.ascontiguousarray(np.nonzero(reached)[1])
             self._sweeps.reach, self._sweeps.listed = self._marks[0].ctypes.data, self._marks[3].ctypes.data
             return
         none, columns = ~paired.any(axis=1), paired.shape[1]

@@ -99,7 +99,8 @@ class ContactMethod(Alternative):
         """Return the tolerance and the largest number of sweeps of explicit steps with coupled points.
 
         The tolerance is a change of the tractions over the largest one. None where a method cannot
-        be used there, or, as compliant contact, needs no sweeps.
+        be used there, or, as compliant contact, needs no sweeps. The trial normal stress of a method with sweeps
+        changes by minus `normal_impedance` times the opening velocity: open points that cannot close are skipped.
         """
         return None
 
