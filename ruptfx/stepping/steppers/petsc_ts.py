@@ -123,9 +123,7 @@ class PetscTsMotion:
         self._unit = self._mean_mass()  # times this mass, rows a = a_D of driven edges are as large as the others
         self._u, self._v = matrix.createVecRight(), matrix.createVecRight()
         self._ts.setI2Function(fem.callback(self._residual), matrix.createVecLeft())
-        by_case = any(name.startswith(("ksp_", "pc_")) for name in self._options.given)
-        keeps = self.model.comm.size == 1 and not by_case and not self._equilibrium.preconditioner.iterative
-        self._kept = KeptFactors(matrix) if keeps else None
+        self._kept = KeptFactors.of(matrix, self._equilibrium.preconditioner, self._options.given)
         factored = matrix if self._kept is None else self._kept.factored
         self._ts.setI2Jacobian(fem.callback(self._jacobian), matrix, factored)
         self._ts.setSolution2(self._u, self._v)
