@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ruptfx.interfaces.mechanisms.system import System
 
 CYCLES = 3  # of GAMG in a solution of order 1 that is not factorised
-LEAST, MOST = 5, 12  # products with the matrix before and after every correction by a coarser level
+LEAST, MOST = 7, 12  # products with the matrix before and after every correction by a coarser level
 
 
 ENTRY = 12  # bytes of an entry of a sparse matrix
