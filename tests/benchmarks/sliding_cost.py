@@ -66,7 +66,7 @@ def case(touching: bool) -> Case:
 
 def ball() -> Case:
     """Return the case of a ball that is pressed on a plate and dragged."""
-    bodies = {
+    bodies: dict[str, dict[str, object]] = {
         name: {"length": SIDE, "width": SIDE, "left": -SIDE / 2, "front": -SIDE / 2, "element_size": SIDE / elements,
                "height": layers * SIDE / elements}
         for name, elements, layers in zip(("upper", "lower"), ACROSS, LAYERS, strict=True)
