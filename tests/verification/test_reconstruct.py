@@ -515,9 +515,14 @@ def test_a_posterior_that_is_stopped_says_what_is_kept(
         pytest.fail("the signal had no effect")
 
     before = signal.getsignal(signal.SIGTERM)
-    with monkeypatch.context() as patch:
-        patch.setattr(module, phase, stopped)
-        result = CliRunner().invoke(app, command)
+    # A shell that runs the tests in the background ignores SIGINT for all that it starts.
+    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(module, phase, stopped)
+            result = CliRunner().invoke(app, command)
+    finally:
+        signal.signal(signal.SIGINT, inherited)
     said = f"stopped; responses of {len(GAUGES) + 1} channels are kept in {tmp_path / 'responses'}, the same command"
     assert result.exit_code == 130 and said in " ".join(result.output.split()), result.output
     assert signal.getsignal(signal.SIGTERM) == before and not (tmp_path / "out/summary.json").exists()

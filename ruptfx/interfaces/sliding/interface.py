@@ -93,8 +93,8 @@ class Geometry:
         Upper bound of the slip of all points in the next step, infinite if unknown [m].
     table : Table
         The same data for the C code.
-    across : ndarray
-        Vectors at the nodes of the other side, for the C code.
+    shape_across : tuple of int
+        Shape of an array of vectors at the nodes of the other side in the C code.
     """
 
     coupling: Coupling
@@ -109,7 +109,7 @@ class Geometry:
         self.nearest = np.zeros(n, dtype=np.int64)
         self._acting = np.zeros_like(self.frame)  # frames, zero for points without a partner
         self._dofs = self.dim * np.concatenate([plus.nodes, minus.nodes])
-        self.across = np.zeros(0)
+        self.shape_across: tuple[int, ...] = (0,)
         self.coupling = self.opposite = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
         self.covered, self.all_covered = np.zeros(0, dtype=bool), True
         self.revision, self.table, self.slides = 0, Table(), np.inf
@@ -171,7 +171,7 @@ class Geometry:
             (begin, values, nodes), (paired, transposed, points) = _entries(coupling), _entries(back)
             rows = begin, values, paired, transposed
             arrays = *np.zeros((2, m, STRIDE)), np.zeros((n + LANES, STRIDE)), nodes, points
-        self.across = arrays[0]
+        self.shape_across = arrays[0].shape
         self._arrays = (self._dofs, *rows, self._acting, self.weight, *arrays)
         self.table = Table(n, m, columns, width, *(array.ctypes.data for array in self._arrays))
 

@@ -288,7 +288,7 @@ class SlidingStep:
         self._points.refresh()
         self._area[:] = face.owned * face.weight
         # As many values as the velocities on the other side, whose number a pairing of lines changes.
-        self._marks[7] = np.zeros_like(face.geometry.across)
+        self._marks[7] = np.zeros(face.geometry.shape_across)
         self._sweeps.displaced = self._marks[7].ctypes.data
         self._find_reach()
         self._revision = face.geometry.revision
