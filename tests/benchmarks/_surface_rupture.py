@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._twins import Bodies
 from ruptfx import Table, simulate
 from ruptfx.case import Case
-from ruptfx.many_runs.reconstruction.experiment import Experiment
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, likeliest, stretched
-from ruptfx.many_runs.reconstruction.twin import Twin
 from ruptfx.readings.misfits.traces import Traces
 
 if TYPE_CHECKING:
@@ -103,20 +102,8 @@ class SurfaceRupture:
     """A rupture on fine elements, and the bodies of its reconstruction on coarse ones."""
 
     def __init__(self, comm: MPI.Comm) -> None:
-        self._case = specimen(SPACING)
-        experiment = Experiment(self._case)
-        self.twin = Twin(self._case, comm, interval=INTERVAL, end=experiment.end)
-        experiment.bind(self.twin.model)
-        self._readings = self.twin.readings(experiment.requests)
-        lags = [
-            {clock: self.twin.lags(self._readings, number, clock) for clock in self._readings.sources(number)}
-            for number in range(len(experiment.channels))
-        ]
-        self.still = self.twin.run(self._readings)
-        self.rows = experiment.rows(
-            self.twin.knots, lambda number, phase: self.twin.kernel(self._readings, number, lags[number], phase),
-            self.still.samples,
-        )  # fmt: skip
+        self._bodies = Bodies(specimen(SPACING), comm, INTERVAL)
+        self.twin, self.still, self.rows = self._bodies.twin, self._bodies.still, self._bodies.rows
         self.truth, clean = self._ruptured()
         self._clean = clean - np.concatenate([sample.values for sample in self.still.samples])
         self.sigma = NOISE * float(np.abs(self._clean).max())
@@ -140,7 +127,7 @@ class SurfaceRupture:
             readings = [
                 np.interp(np.array(term.times), record.instruments[term.instrument]["time"].values,
                           record.instruments[term.instrument][grid].values)
-                for term in self._case.objective if isinstance(term, Traces) for grid in term.data
+                for term in self._bodies.case.objective if isinstance(term, Traces) for grid in term.data
             ]  # fmt: skip
         return fields, np.concatenate(readings)
 
@@ -195,7 +182,7 @@ class SurfaceRupture:
         made, still = Posterior(prior, self.noisy(0)), geometry.along(self.still.shear_traction)
 
         def of(slip_rate: Floats) -> Floats:
-            return geometry.along(self.twin.run(self._readings, slip_rate).shear_traction)
+            return geometry.along(self._bodies.traction(slip_rate))
 
         error = of(prior.fields(made.mean)) - self.truth["shear_traction"]
         changes = [of(prior.fields(each)) - still for each in made.spread(SAMPLES, 1)]

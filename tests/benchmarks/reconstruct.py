@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._surface_rupture import CHOSEN, LAYOUTS, SIDES, TOP, SurfaceRupture
+from benchmarks._twins import Bodies
 from ruptfx import Table, simulate
 from ruptfx.app.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.many_runs.reconstruction.experiment import Experiment
 from ruptfx.many_runs.reconstruction.posterior import Posterior, Prior, likeliest
-from ruptfx.many_runs.reconstruction.twin import Twin
 from ruptfx.readings.misfits.traces import Traces
 
 if TYPE_CHECKING:
@@ -74,31 +73,6 @@ def specimen(element_size: float) -> Case:
         "instruments": gauges, "objective": terms,
         "output": {"interface_interval": INTERVAL, "figures": False},
     })  # fmt: skip
-
-
-class Bodies:
-    """A mesh with the rows of its gauges."""
-
-    def __init__(self, element_size: float, comm: MPI.Comm) -> None:
-        self.case = specimen(element_size)
-        experiment = Experiment(self.case)
-        self.twin = Twin(self.case, comm, interval=INTERVAL, begin=BEGIN, end=experiment.end)
-        experiment.bind(self.twin.model)
-        self.readings = self.twin.readings(experiment.requests)
-        lags = [
-            {clock: self.twin.lags(self.readings, number, clock) for clock in self.readings.sources(number)}
-            for number in range(len(experiment.channels))
-        ]
-        self.still = self.twin.run(self.readings)
-        self.rows = experiment.rows(
-            self.twin.knots, lambda number, phase: self.twin.kernel(self.readings, number, lags[number], phase),
-            self.still.samples,
-        )  # fmt: skip
-        self.times, self.position = self.twin.knots.times, self.twin.position
-
-    def traction(self, slip_rate: Floats) -> Floats:
-        """Return the shear traction of a run, shape (knots, n) [Pa]."""
-        return self.twin.run(self.readings, slip_rate).shear_traction
 
 
 def prior_of(scales: dict[str, float], bodies: Bodies) -> Prior:
@@ -247,7 +221,7 @@ def surface_rupture(comm: MPI.Comm) -> list[Check]:
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     begun = time.process_time()
-    data, twin = (Bodies(part * SPACING / (2 if fine else 1), comm) for part in (0.5, 1.0))
+    data, twin = (Bodies(specimen(part * SPACING / (2 if fine else 1)), comm, INTERVAL, BEGIN) for part in (0.5, 1.0))
     set_up = time.process_time() - begun
     checks = []
     for number, (length, time_) in enumerate(FIELDS):
