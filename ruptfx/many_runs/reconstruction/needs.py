@@ -122,7 +122,8 @@ def _refuse(needs: Needs, twin: Twin, settings: Settings, length: float | None, 
     use = f"{count} modes of the prior along the interface"
     if count > MOST_RUNS:
         raise CaseError(f"{key}: {use} take as many runs, and at most {MOST_RUNS} are made; {remedy}")
-    raise CaseError(memory.shortage(key, use, needs.bytes(count, in_time), remedy, " and as many runs"))
+    if text := memory.shortage(key, use, needs.bytes(count, in_time), remedy, " and as many runs"):
+        raise CaseError(text)
 
 
 def _text(length: float) -> str:
