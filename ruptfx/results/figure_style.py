@@ -21,6 +21,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ruptfx.input.quantities import YEAR
+
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
@@ -65,7 +67,7 @@ WAVE_MAP = "inferno"
 
 _PREFIXES = {
     "m": [(1e-12, "pm"), (1e-9, "nm"), (1e-6, "µm"), (1e-3, "mm"), (1.0, "m"), (1e3, "km")],
-    "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s"), (31557600.0, "yr")],
+    "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s"), (YEAR, "yr")],
     "Pa": [(1.0, "Pa"), (1e3, "kPa"), (1e6, "MPa"), (1e9, "GPa")],
     "m/s": [(1e-9, "nm/s"), (1e-6, "µm/s"), (1e-3, "mm/s"), (1.0, "m/s")],
     "N": [(1.0, "N"), (1e3, "kN"), (1e6, "MN")],
@@ -140,7 +142,7 @@ def scale(values: Array | float, unit: str) -> tuple[float, str]:
     if largest == 0:
         return next(((size, name) for size, name in choices if size == 1.0), choices[0])
     # Slip rates read best in m/s, and times in seconds until 1e8 s.
-    least = {"m/s": 0.05, "yr": 1e8 / 31557600}
+    least = {"m/s": 0.05, "yr": 1e8 / YEAR}
     fitting = [(size, name) for size, name in choices if largest >= least.get(unit, least.get(name, 0.9)) * size]
     return fitting[-1] if fitting else choices[0]
 

@@ -34,8 +34,6 @@ def surface_catalogue(data: Data, events: Sequence[InterfaceEvent], threshold: f
     figure, axes = new_figure(2 + (len(shown) + 1) // 2, 2, 4.2 + 1.5 * ((len(shown) + 1) // 2))
     time = data["time"].values
     size, unit = scale(time, "s")
-    if time[-1] > 10 * 365.25 * 86400:
-        size, unit = 365.25 * 86400, "a"
     ax = axes[0, 0]
     ax.semilogy(time / size, np.maximum(peak_rates(data), SLOWEST), color="#1a1a1a", lw=0.7)
     ax.axhline(threshold, color=GUIDE, lw=0.6, ls=":")
